@@ -1,0 +1,2 @@
+//! The `selenograph` command.
+fn main() {}

@@ -1,0 +1,62 @@
+//! Frames, rigid motions, cameras, bodies and map projections: f64 mathematics without I/O or threads.
+//!
+//! The conventions (axes, pixels, depth, quaternions, datum) are drawn in `docs/conventions.md`.
+#![forbid(unsafe_code)]
+
+pub mod body;
+pub mod camera;
+pub mod frames;
+pub mod lookat;
+pub mod pixel;
+pub mod proj_string;
+pub mod projection;
+pub mod rigid;
+pub mod units;
+
+pub use body::{Body, Geodetic};
+pub use camera::{Camera, Distortion};
+pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame};
+pub use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitQuaternion, UnitVector3, Vector2, Vector3};
+pub use pixel::PixelConvention;
+pub use projection::{Pole, Projection};
+pub use rigid::Rigid3;
+
+/// What can be wrong with a geometric input.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A camera matrix or image size that no real camera has.
+    #[error("camera: {what}, found {found}")]
+    Camera {
+        /// What was expected.
+        what: &'static str,
+        /// What was found.
+        found: String,
+    },
+    /// A projection that has no closed form here.
+    #[error("projection `{name}` is not supported")]
+    UnknownProjection {
+        /// The name or string as it was given.
+        name: String,
+    },
+    /// A parameter of a projection is missing or unusable.
+    #[error("projection parameter `{name}`: {what}")]
+    ProjectionParameter {
+        /// Name of the parameter.
+        name: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A matrix that should be a rotation is not.
+    #[error("not a rotation: {what}")]
+    NotARotation {
+        /// How it fails (determinant, orthonormality residual).
+        what: String,
+    },
+    /// A viewing direction that leaves the camera's roll undefined.
+    #[error("look-at is degenerate: {what}")]
+    Degenerate {
+        /// Which two directions coincide.
+        what: &'static str,
+    },
+}
