@@ -1,0 +1,92 @@
+//! What can go wrong with a campaign, a plan or a dataset folder.
+
+use std::path::{Path, PathBuf};
+
+/// The crate's errors; each names the file or key and what was expected of it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The file system refused.
+    #[error("cannot {action} `{}`: {source}", path.display())]
+    Io {
+        /// What was tried, for example `write`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file is not what its name says.
+    #[error("`{}`: expected {expected}, found {found}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What it should hold.
+        expected: String,
+        /// What it holds.
+        found: String,
+    },
+    /// A campaign that cannot be read (TOML syntax, unknown key, wrong type).
+    #[error("campaign: {what}")]
+    Campaign {
+        /// The parser's message, with the line.
+        what: String,
+    },
+    /// A setting outside its range.
+    #[error("campaign key `{key}`: expected {expected}, found {found}")]
+    Value {
+        /// Dotted key.
+        key: String,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// Two settings that exclude each other.
+    #[error("campaign keys `{first}` and `{second}` contradict each other: {why}")]
+    Contradiction {
+        /// One dotted key.
+        first: String,
+        /// The other.
+        second: String,
+        /// Why they cannot both hold.
+        why: String,
+    },
+    /// No preset of that name.
+    #[error("no preset `{name}`; there are: {known}")]
+    UnknownPreset {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// The output folder exists and neither `force` nor `resume` was asked for.
+    #[error("`{}` exists and is not empty", path.display())]
+    TargetExists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The output folder belongs to another campaign or plan.
+    #[error("`{}` was made by another {what} (its checksum is {found}, this one's {expected})", path.display())]
+    OtherCampaign {
+        /// The file that differs.
+        path: PathBuf,
+        /// What differs: `campaign`, `plan`, `terrain`.
+        what: &'static str,
+        /// Checksum of what was asked for.
+        expected: String,
+        /// Checksum of what is there.
+        found: String,
+    },
+    /// A frame or camera that does not exist.
+    #[error(transparent)]
+    Geometry(#[from] selenograph_geometry::Error),
+}
+
+impl Error {
+    /// Wraps a file-system error with the file it happened at.
+    pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Io { action, path, source }
+    }
+}
