@@ -124,6 +124,14 @@ pub enum Error {
         /// The size found.
         found: String,
     },
+    /// A picture or array that a file format cannot hold.
+    #[error("cannot encode {format}: {what}")]
+    Encode {
+        /// The format.
+        format: &'static str,
+        /// Why not.
+        what: String,
+    },
     /// An affine map that cannot be inverted.
     #[error("the affine transform {coefficients:?} is singular")]
     SingularAffine {

@@ -4,9 +4,14 @@
 //! the codecs.
 #![forbid(unsafe_code)]
 
+pub mod codec;
+pub mod colormap;
 pub mod dem;
 pub mod error;
 pub mod georef;
+pub mod gradient;
+pub mod resample;
+pub mod statistics;
 
 pub use error::Error;
 pub use georef::Affine;

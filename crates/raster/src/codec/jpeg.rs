@@ -1,0 +1,95 @@
+//! JPEG as the StereoLunar pictures are stored: three equal channels, quality 95, colour halved both ways (4:2:0).
+
+use super::{Picture, bytes_of, cannot_encode, malformed};
+use crate::{Error, Raster};
+use image::{DynamicImage, ImageFormat};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use std::path::Path;
+
+const FORMAT: &str = "JPEG";
+
+/// The quality of the StereoLunar pictures, which is also OpenCV's default.
+pub const QUALITY: u8 = 95;
+
+/// Encodes 8-bit grey as three equal channels, 4:2:0.
+///
+/// # Errors
+/// [`Error::Encode`] if a side is 0 or above 65 535.
+pub fn encode_grey_as_rgb(raster: &Raster<u8>, quality: u8) -> Result<Vec<u8>, Error> {
+    let rgb: Vec<u8> = raster.data.iter().flat_map(|&grey| [grey; 3]).collect();
+    encode(&rgb, raster.width, raster.height, quality)
+}
+
+/// Encodes 8-bit colour, 4:2:0.
+///
+/// # Errors
+/// [`Error::Encode`] if a side is 0 or above 65 535.
+pub fn encode_rgb8(raster: &Raster<[u8; 3]>, quality: u8) -> Result<Vec<u8>, Error> {
+    encode(raster.data.as_flattened(), raster.width, raster.height, quality)
+}
+
+fn encode(rgb: &[u8], width: usize, height: usize, quality: u8) -> Result<Vec<u8>, Error> {
+    let side = |pixels: usize| {
+        u16::try_from(pixels).ok().filter(|&side| side > 0).ok_or_else(|| {
+            cannot_encode(FORMAT, format!("a picture of {width}×{height} pixels cannot be written"))
+        })
+    };
+    let mut out = Vec::new();
+    let mut encoder = Encoder::new(&mut out, quality);
+    encoder.set_sampling_factor(SamplingFactor::F_2_2);
+    encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb).map_err(|e| cannot_encode(FORMAT, e))?;
+    Ok(out)
+}
+
+/// Decodes; three channels stay three even where they are equal.
+///
+/// # Errors
+/// [`Error::Malformed`] if the bytes are no JPEG.
+pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
+    let image = image::load_from_memory_with_format(bytes, ImageFormat::Jpeg)
+        .map_err(|e| malformed(FORMAT, origin, e))?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    Ok(match image {
+        DynamicImage::ImageLuma8(grey) => Picture::Grey8(Raster { width, height, data: grey.into_raw() }),
+        other => Picture::Rgb8(Raster {
+            width,
+            height,
+            data: other.into_rgb8().pixels().map(|pixel| pixel.0).collect(),
+        }),
+    })
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// [`Error::Io`], and those of [`decode`].
+pub fn read(path: &Path) -> Result<Picture, Error> {
+    decode(&bytes_of(path)?, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grey_comes_back_as_three_equal_channels() {
+        let data = (0..64 * 48).map(|i| (128.0 + 90.0 * (f64::from(i) * 0.01).sin()) as u8).collect();
+        let grey = Raster { width: 64, height: 48, data };
+        let bytes = encode_grey_as_rgb(&grey, QUALITY).unwrap();
+        let Picture::Rgb8(back) = decode(&bytes, Path::new("memory")).unwrap() else { panic!("not colour") };
+        for (colour, grey) in back.data.iter().zip(&grey.data) {
+            assert!(colour[0] == colour[1] && colour[1] == colour[2]);
+            assert!(colour[0].abs_diff(*grey) <= 4);
+        }
+        // The frame header says 2×2 sampling of the first of three components.
+        let header = bytes.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
+        assert_eq!((bytes[header + 9], bytes[header + 11]), (3, 0x22));
+    }
+
+    #[test]
+    fn broken_bytes_are_errors() {
+        assert!(decode(b"\xff\xd8\xff", Path::new("memory")).is_err());
+        assert!(decode(b"not a picture", Path::new("memory")).is_err());
+        assert!(encode_grey_as_rgb(&Raster { width: 70_000, height: 1, data: vec![0; 70_000] }, 95).is_err());
+    }
+}
