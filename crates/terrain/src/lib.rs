@@ -1,1 +1,16 @@
-//! Placeholder while the crate is being written.
+//! Lunar terrain that a renderer can trace: regular grids of node heights with max/min pyramids, nested finest first.
+//!
+//! The surface is *defined* as sphere radius + interpolated height on the map grid, which is what a DEM's label means;
+//! see `docs/conventions.md`.
+
+pub mod error;
+pub mod grid;
+pub mod layer;
+pub mod pyramid;
+pub mod terrain;
+
+pub use error::Error;
+pub use grid::Grid;
+pub use layer::{Block, Layer, Patch};
+pub use pyramid::{Pyramid, PyramidBuilder, PyramidShape};
+pub use terrain::{SurfaceSample, Terrain};
