@@ -1,0 +1,61 @@
+//! What can be typed: clap types only. What it means is in `commands`.
+
+pub mod about;
+pub mod dem;
+
+use clap::{Args, Parser, Subcommand};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Lunar terrain in, verified stereo pairs out.
+#[derive(Debug, Parser)]
+#[command(name = "selenograph", version, propagate_version = true, max_term_width = 110)]
+#[command(after_help = "Exit codes: 0 done, 1 wrong input or configuration, 2 unexpected failure, 3 done with skips.\n\
+    Data goes to stdout, everything else to stderr. Conventions: docs/conventions.md, files: docs/formats.md.")]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// The command.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, Args)]
+pub struct Global {
+    /// Data on stdout as JSON
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Nothing on stderr but errors and skips
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// More on stderr
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
+    pub verbose: u8,
+    /// Worker threads [default: one per core]
+    #[arg(long, global = true, value_name = "N", env = "SELENOGRAPH_THREADS", hide_env_values = true)]
+    pub threads: Option<NonZeroUsize>,
+}
+
+/// Where a command writes.
+#[derive(Debug, Args)]
+pub struct Target {
+    /// Folder or file to write
+    #[arg(long, short, value_name = "PATH")]
+    pub out: PathBuf,
+    /// Overwrite what is there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Elevation models: what they are, import, synthesis, a quick look
+    #[command(subcommand)]
+    Dem(dem::DemCommand),
+    /// Shell completions on stdout
+    #[command(after_help = "Example:\n  selenograph completions bash > ~/.local/share/bash-completion/completions/selenograph")]
+    Completions(about::Completions),
+}

@@ -1,0 +1,78 @@
+//! What the user sees: data on stdout, everything else on stderr.
+
+use crate::args::Global;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+
+/// The two streams, and how much goes to them.
+pub struct Ui {
+    /// Data as JSON rather than for reading.
+    pub json: bool,
+    quiet: bool,
+    verbose: bool,
+}
+
+impl Ui {
+    /// As asked for on the command line.
+    pub fn new(global: &Global) -> Self {
+        Self { json: global.json, quiet: global.quiet, verbose: global.verbose > 0 }
+    }
+
+    /// Before the command line is known.
+    pub fn plain() -> Self {
+        Self { json: false, quiet: false, verbose: false }
+    }
+
+    /// A line of data.
+    ///
+    /// # Errors
+    /// If stdout is closed.
+    pub fn data(&self, text: &str) -> anyhow::Result<()> {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{text}")?;
+        Ok(out.flush()?)
+    }
+
+    /// Data as JSON.
+    ///
+    /// # Errors
+    /// If stdout is closed.
+    pub fn data_json<T: Serialize>(&self, value: &T) -> anyhow::Result<()> {
+        self.data(&serde_json::to_string_pretty(value)?)
+    }
+
+    /// What happens, unless --quiet.
+    pub fn note(&self, text: &str) {
+        if !self.quiet {
+            self.complain(text);
+        }
+    }
+
+    /// Details for those who pass --verbose.
+    pub fn detail(&self, text: &str) {
+        if self.verbose {
+            self.complain(text);
+        }
+    }
+
+    /// Errors and skips: always shown.
+    pub fn complain(&self, text: &str) {
+        // A closed stderr leaves nobody to tell.
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
+    }
+
+    /// A progress bar with rate and time left; hidden with --quiet and where stderr is no terminal.
+    pub fn bar(&self, length: u64, unit: &'static str) -> ProgressBar {
+        let shown = !self.quiet && std::io::stderr().is_terminal();
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(length), target);
+        let template = format!(
+            "{{msg}} {{wide_bar}} {{human_pos}}/{{human_len}} {unit} {{per_sec}} {unit}, {{eta}} left"
+        );
+        match ProgressStyle::with_template(&template) {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        }
+    }
+}
