@@ -86,6 +86,14 @@ pub enum Error {
         /// The projection's name in the file or option.
         name: String,
     },
+    /// A coordinate system whose parameters cannot be used.
+    #[error("`{}`: {source}", path.display())]
+    CoordinateSystem {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: selenograph_geometry::Error,
+    },
     /// The file has no such band.
     #[error("`{}` has {num_bands} band(s), band {found} was asked for", path.display())]
     Band {
@@ -144,7 +152,7 @@ impl Error {
     /// What the user can do about it, where that is known.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
-            Self::UnknownProjection { .. } => Some(
+            Self::UnknownProjection { .. } | Self::CoordinateSystem { .. } => Some(
                 "pass --crs with a PROJ string (`+proj=stere +lat_0=-90 +R=1737400`) or an IAU_2015 code of the same map",
             ),
             Self::NoGeoreference { .. } => Some(

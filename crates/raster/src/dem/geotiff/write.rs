@@ -1,0 +1,413 @@
+//! Writes float32 GeoTIFF and BigTIFF row by row.
+
+use super::chunk::{Compression, apply_float_predictor};
+use super::*;
+use crate::Affine;
+use rayon::prelude::*;
+use selenograph_geometry::proj_string::Crs;
+use selenograph_geometry::{Pole, Projection};
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::path::PathBuf;
+
+/// Larger files than this need 64-bit offsets; the rest up to 4 GiB is left for tables and incompressible chunks.
+const MAX_CLASSIC_BYTES: u64 = 4_000_000_000;
+
+/// How samples are cut into chunks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GeoTiffLayout {
+    /// Whole rows, so many at a time.
+    Strips {
+        /// Rows of a strip.
+        rows: usize,
+    },
+    /// Squares.
+    Tiles {
+        /// Side of a tile: a multiple of 16.
+        side: usize,
+    },
+}
+
+/// How a GeoTIFF is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// Strips or tiles.
+    pub layout: GeoTiffLayout,
+    /// [`Compression::None`], or [`Compression::Deflate`] with the floating-point predictor.
+    pub compression: Compression,
+}
+
+impl Default for WriteOptions {
+    /// Tiles of 256, deflate.
+    fn default() -> Self {
+        Self { layout: GeoTiffLayout::Tiles { side: 256 }, compression: Compression::Deflate }
+    }
+}
+
+/// A GeoTIFF of heights in metres (NaN where absent) being written from the top.
+///
+/// The file gets its name in [`GeoTiffWriter::finish`]; until then it is `<name>.tmp`, removed if writing stops.
+pub struct GeoTiffWriter {
+    path: PathBuf,
+    part: Option<PathBuf>,
+    file: BufWriter<File>,
+    big: bool,
+    width: usize,
+    height: usize,
+    chunk_width: usize,
+    chunk_height: usize,
+    options: WriteOptions,
+    geo_tags: Vec<Tag>,
+    /// Rows not yet written: less than one row of chunks.
+    pending: Vec<f32>,
+    rows_done: usize,
+    spans: Vec<Span>,
+    position: u64,
+}
+
+/// A tag of the directory: number, type, count and value bytes.
+struct Tag(u16, u16, u64, Vec<u8>);
+
+impl Tag {
+    fn shorts(number: u16, values: &[u16]) -> Self {
+        Self(number, 3, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+    }
+    fn long(number: u16, value: u32) -> Self {
+        Self(number, 4, 1, value.to_le_bytes().to_vec())
+    }
+    fn doubles(number: u16, values: &[f64]) -> Self {
+        Self(number, 12, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+    }
+    fn text(number: u16, text: &str) -> Self {
+        let bytes = [text.as_bytes(), b"\0"].concat();
+        Self(number, 2, bytes.len() as u64, bytes)
+    }
+    /// Offsets or sizes: 64 bits in a BigTIFF, else 32.
+    fn places(number: u16, values: impl Iterator<Item = u64>, big: bool) -> Self {
+        let mut bytes = Vec::new();
+        let mut count = 0;
+        for value in values {
+            count += 1;
+            bytes.extend_from_slice(&value.to_le_bytes()[..if big { 8 } else { 4 }]);
+        }
+        Self(number, if big { 16 } else { 4 }, count, bytes)
+    }
+}
+
+impl GeoTiffWriter {
+    /// Begins a file of `width × height` samples. BigTIFF is chosen where the samples need it.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for an empty raster, a size past 2³², or a tile that is no multiple of 16;
+    /// [`Error::Unsupported`] for a compression that is not written; [`Error::Io`].
+    pub fn create(
+        path: &Path,
+        width: usize,
+        height: usize,
+        crs: &Crs,
+        map_from_pixel: &Affine,
+        options: WriteOptions,
+    ) -> Result<Self, Error> {
+        let (chunk_width, chunk_height, sound) = match options.layout {
+            GeoTiffLayout::Strips { rows } => (width, rows.min(height), rows > 0),
+            GeoTiffLayout::Tiles { side } => (side, side, side > 0 && side.is_multiple_of(16)),
+        };
+        let fits = |side: usize| side > 0 && u32::try_from(side).is_ok();
+        if !sound || !fits(width) || !fits(height) {
+            return Err(Error::SizeMismatch {
+                what: "GeoTIFF",
+                expected: "sides from 1 to 2³², strips of at least 1 row, tiles of a multiple of 16"
+                    .to_owned(),
+                found: format!("{width}×{height}, {:?}", options.layout),
+            });
+        }
+        if !matches!(options.compression, Compression::None | Compression::Deflate) {
+            return Err(Error::Unsupported {
+                path: path.to_owned(),
+                what: "compression for writing",
+                found: format!("{:?}", options.compression),
+                supported: "none, deflate",
+            });
+        }
+        let padded = (width.div_ceil(chunk_width) * chunk_width) as u64
+            * (height.div_ceil(chunk_height) * chunk_height) as u64;
+        let big = padded * 4 > MAX_CLASSIC_BYTES;
+        let part = PathBuf::from(format!("{}.tmp", path.display()));
+        let file = File::create(&part).map_err(Error::io("write", path))?;
+        let mut writer = Self {
+            path: path.to_owned(),
+            part: Some(part),
+            file: BufWriter::with_capacity(1 << 20, file),
+            big,
+            width,
+            height,
+            chunk_width,
+            chunk_height,
+            options,
+            geo_tags: geo_tags(crs, map_from_pixel),
+            pending: Vec::new(),
+            rows_done: 0,
+            spans: Vec::new(),
+            position: 0,
+        };
+        // The place of the directory is filled in at the end.
+        writer.put(if big {
+            &[73, 73, 43, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+        } else {
+            &[73, 73, 42, 0, 0, 0, 0, 0]
+        })?;
+        Ok(writer)
+    }
+
+    /// Whether the file has 64-bit offsets.
+    pub fn is_big(&self) -> bool {
+        self.big
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.file.write_all(bytes).map_err(Error::io("write", &self.path))?;
+        self.position += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Appends whole rows.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] for a broken row or more rows than the raster has; [`Error::Io`].
+    pub fn write_rows(&mut self, heights: &[f32]) -> Result<(), Error> {
+        let rows = heights.len() / self.width;
+        let pending = self.pending.len() / self.width;
+        if !heights.len().is_multiple_of(self.width) || self.rows_done + pending + rows > self.height {
+            return Err(Error::SizeMismatch {
+                what: "rows to write",
+                expected: format!("whole rows of {}, {} in all", self.width, self.height),
+                found: format!("{} samples at row {}", heights.len(), self.rows_done + pending),
+            });
+        }
+        let mut rest = heights;
+        while !rest.is_empty() {
+            let band = self.chunk_height.min(self.height - self.rows_done) * self.width;
+            let (now, later) = rest.split_at(rest.len().min(band - self.pending.len()));
+            self.pending.extend_from_slice(now);
+            rest = later;
+            if self.pending.len() == band {
+                self.flush_band()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn flush_band(&mut self) -> Result<(), Error> {
+        let rows = self.pending.len() / self.width;
+        let across = self.width.div_ceil(self.chunk_width);
+        let chunks: Vec<std::io::Result<Vec<u8>>> =
+            (0..across).into_par_iter().map(|idx| self.encode(idx * self.chunk_width, rows)).collect();
+        for chunk in chunks {
+            let bytes = chunk.map_err(Error::io("write", &self.path))?;
+            self.spans.push(Span { offset: self.position, len: bytes.len() as u64 });
+            self.put(&bytes)?;
+        }
+        self.rows_done += rows;
+        self.pending.clear();
+        Ok(())
+    }
+
+    /// The chunk whose first column is `left`, of the pending rows; tiles are filled up with NaN.
+    fn encode(&self, left: usize, rows: usize) -> std::io::Result<Vec<u8>> {
+        let tiled = matches!(self.options.layout, GeoTiffLayout::Tiles { .. });
+        let columns = self.chunk_width.min(self.width - left);
+        let stored_rows = if tiled { self.chunk_height } else { rows };
+        let mut bytes = Vec::with_capacity(stored_rows * self.chunk_width * 4);
+        let mut row = vec![f32::NAN; self.chunk_width];
+        for y in 0..stored_rows {
+            if y < rows {
+                row[..columns].copy_from_slice(&self.pending[y * self.width + left..][..columns]);
+            } else {
+                row.fill(f32::NAN);
+            }
+            match self.options.compression {
+                Compression::Deflate => apply_float_predictor(&row, &mut bytes),
+                _ => bytes.extend(row.iter().flat_map(|v| v.to_le_bytes())),
+            }
+        }
+        if self.options.compression == Compression::None {
+            return Ok(bytes);
+        }
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::new(5));
+        encoder.write_all(&bytes)?;
+        encoder.finish()
+    }
+
+    /// Writes the directory and gives the file its name.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`] if rows are missing; [`Error::Io`].
+    pub fn finish(mut self) -> Result<(), Error> {
+        if self.rows_done != self.height {
+            return Err(Error::SizeMismatch {
+                what: "rows written",
+                expected: self.height.to_string(),
+                found: format!("{} and {} samples", self.rows_done, self.pending.len()),
+            });
+        }
+        let tags = self.tags();
+        let directory = self.put_directory(tags)?;
+        let (place, width) = if self.big { (8, 8) } else { (4, 4) };
+        self.file
+            .seek(SeekFrom::Start(place))
+            .and_then(|_| self.file.write_all(&directory.to_le_bytes()[..width]))
+            .and_then(|()| self.file.flush())
+            .map_err(Error::io("write", &self.path))?;
+        if let Some(part) = self.part.take() {
+            std::fs::rename(&part, &self.path).map_err(Error::io("rename", &self.path))?;
+        }
+        Ok(())
+    }
+
+    fn tags(&mut self) -> Vec<Tag> {
+        let tiled = matches!(self.options.layout, GeoTiffLayout::Tiles { .. });
+        let deflate = self.options.compression == Compression::Deflate;
+        let mut tags = vec![
+            Tag::long(IMAGE_WIDTH, self.width as u32),
+            Tag::long(IMAGE_LENGTH, self.height as u32),
+            Tag::shorts(BITS_PER_SAMPLE, &[32]),
+            Tag::shorts(COMPRESSION, &[if deflate { 8 } else { 1 }]),
+            // Photometric interpretation: black is zero.
+            Tag::shorts(262, &[1]),
+            Tag::shorts(SAMPLES_PER_PIXEL, &[1]),
+            Tag::shorts(PLANAR_CONFIGURATION, &[1]),
+            Tag::shorts(SAMPLE_FORMAT, &[3]),
+            Tag::text(GDAL_NODATA, "nan"),
+        ];
+        if deflate {
+            tags.push(Tag::shorts(PREDICTOR, &[3]));
+        }
+        let (offsets, counts) = if tiled {
+            tags.push(Tag::long(TILE_WIDTH, self.chunk_width as u32));
+            tags.push(Tag::long(TILE_LENGTH, self.chunk_height as u32));
+            (TILE_OFFSETS, TILE_BYTE_COUNTS)
+        } else {
+            tags.push(Tag::long(ROWS_PER_STRIP, self.chunk_height as u32));
+            (STRIP_OFFSETS, STRIP_BYTE_COUNTS)
+        };
+        tags.push(Tag::places(offsets, self.spans.iter().map(|s| s.offset), self.big));
+        tags.push(Tag::places(counts, self.spans.iter().map(|s| s.len), self.big));
+        tags.append(&mut self.geo_tags);
+        tags.sort_by_key(|tag| tag.0);
+        tags
+    }
+
+    /// Values that do not fit into their entry, then the directory; returns its place.
+    fn put_directory(&mut self, tags: Vec<Tag>) -> Result<u64, Error> {
+        let field = if self.big { 8 } else { 4 };
+        let mut table = Vec::new();
+        let number = |value: u64| value.to_le_bytes()[..field].to_vec();
+        for Tag(tag, kind, count, mut bytes) in tags.iter().map(|t| Tag(t.0, t.1, t.2, t.3.clone())) {
+            if bytes.len() <= field {
+                bytes.resize(field, 0);
+            } else {
+                // Values begin at a word's border.
+                if self.position % 2 == 1 {
+                    self.put(&[0])?;
+                }
+                let place = number(self.position);
+                self.put(&bytes)?;
+                bytes = place;
+            }
+            table.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &number(count), &bytes].concat());
+        }
+        if self.position % 2 == 1 {
+            self.put(&[0])?;
+        }
+        let place = self.position;
+        if !self.big && place > u64::from(u32::MAX) - (table.len() as u64) {
+            let source = std::io::Error::other("incompressible samples: the file needs more than 4 GiB");
+            return Err(Error::Io { action: "write", path: self.path.clone(), source });
+        }
+        let count = (tags.len() as u64).to_le_bytes();
+        self.put(&count[..if self.big { 8 } else { 2 }])?;
+        self.put(&table)?;
+        self.put(&number(0))?;
+        Ok(place)
+    }
+}
+
+impl Drop for GeoTiffWriter {
+    fn drop(&mut self) {
+        if let Some(part) = &self.part {
+            // Nobody is left to be told if this fails; the name says that the file is not whole.
+            let _ = std::fs::remove_file(part);
+        }
+    }
+}
+
+/// The transform and the GeoKeys of a map on a sphere, all user-defined, as GDAL writes them.
+fn geo_tags(crs: &Crs, map_from_pixel: &Affine) -> Vec<Tag> {
+    let [x0, a1, a2, y0, a4, a5] = map_from_pixel.coefficients;
+    let mut tags = if a2 == 0.0 && a4 == 0.0 && a5 < 0.0 && a1 > 0.0 {
+        vec![
+            Tag::doubles(MODEL_PIXEL_SCALE, &[a1, -a5, 0.0]),
+            Tag::doubles(MODEL_TIEPOINT, &[0.0, 0.0, 0.0, x0, y0, 0.0]),
+        ]
+    } else {
+        let matrix = [a1, a2, 0.0, x0, a4, a5, 0.0, y0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        vec![Tag::doubles(MODEL_TRANSFORMATION, &matrix)]
+    };
+    let (model, transform, numbers) = projection_keys(&crs.projection);
+    let name = format!("{} {}|", crs.body.name, crs.projection.name());
+    let datum = format!("GCS Name = {0}|Datum = {0} sphere|Ellipsoid = {0} sphere|", crs.body.name);
+    let mut codes: Vec<(u16, u16)> =
+        vec![(1024, model), (1025, 1), (2048, 32767), (2050, 32767), (2054, 9102), (2056, 32767)];
+    if let Some(transform) = transform {
+        codes.extend([(3072, 32767), (3074, 32767), (3075, transform), (3076, 9001)]);
+    }
+    let radius = crs.projection.radius_m().unwrap_or(crs.body.radius_m);
+    let mut doubles = vec![(2057, radius), (2058, radius), (2061, 0.0)];
+    doubles.extend(numbers);
+
+    let mut entries: Vec<[u16; 4]> = codes.into_iter().map(|(key, code)| [key, 0, 1, code]).collect();
+    entries.push([1026, GEO_ASCII_PARAMS, name.len() as u16, 0]);
+    entries.push([2049, GEO_ASCII_PARAMS, datum.len() as u16, name.len() as u16]);
+    entries.extend(doubles.iter().enumerate().map(|(i, (key, _))| [*key, GEO_DOUBLE_PARAMS, 1, i as u16]));
+    entries.sort_unstable();
+    let mut directory = vec![1, 1, 0, entries.len() as u16];
+    directory.extend(entries.into_iter().flatten());
+    let values: Vec<f64> = doubles.into_iter().map(|(_, value)| value).collect();
+    tags.push(Tag::shorts(GEO_KEY_DIRECTORY, &directory));
+    tags.push(Tag::doubles(GEO_DOUBLE_PARAMS, &values));
+    tags.push(Tag::text(GEO_ASCII_PARAMS, &format!("{name}{datum}")));
+    tags
+}
+
+/// Model type, coordinate transformation, and the numbers by key.
+fn projection_keys(projection: &Projection) -> (u16, Option<u16>, Vec<(u16, f64)>) {
+    let offsets = |x: f64, y: f64| [(3082, x), (3083, y)];
+    match *projection {
+        Projection::PolarStereographic { pole, lon0_rad, k0, false_easting_m, false_northing_m, .. } => {
+            let lat = if pole == Pole::North { 90.0 } else { -90.0 };
+            let mut numbers = vec![(3081, lat), (3095, lon0_rad.to_degrees()), (3092, k0)];
+            numbers.extend(offsets(false_easting_m, false_northing_m));
+            (1, Some(15), numbers)
+        }
+        Projection::Equirectangular {
+            lat_ts_rad,
+            lat0_rad,
+            lon0_rad,
+            false_easting_m,
+            false_northing_m,
+            ..
+        } => {
+            let lat_ts = lat_ts_rad.to_degrees();
+            let mut numbers =
+                vec![(3078, lat_ts), (3089, lat0_rad.to_degrees()), (3088, lon0_rad.to_degrees())];
+            numbers.extend(offsets(false_easting_m, false_northing_m));
+            (1, Some(17), numbers)
+        }
+        Projection::Orthographic { lat0_rad, lon0_rad, false_easting_m, false_northing_m, .. } => {
+            let mut numbers = vec![(3089, lat0_rad.to_degrees()), (3088, lon0_rad.to_degrees())];
+            numbers.extend(offsets(false_easting_m, false_northing_m));
+            (1, Some(21), numbers)
+        }
+        Projection::Geographic { .. } => (2, None, Vec::new()),
+    }
+}

@@ -1,0 +1,240 @@
+//! PDS3: a text label, attached to its image or beside it.
+
+mod label;
+mod map;
+
+use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
+use super::raw::{Interleave, RawLayout, RawRows};
+use super::sample::{ByteOrder, HeightLaw, SampleType};
+use super::{Opened, RowSource, find_beside};
+use crate::Error;
+use label::{Block, Value};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Labels are a few kilobytes; this is where an attached one is given up.
+const MAX_LABEL_BYTES: u64 = 1 << 20;
+
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> {
+    let label = read_label(path)?;
+    let image =
+        label.find_block("IMAGE").ok_or_else(|| malformed(path, "label", "an IMAGE object", "none"))?;
+    if let Some(encoding) = image.get("ENCODING_TYPE").or_else(|| label.find("ENCODING_TYPE"))
+        && !matches!(encoding.text().to_ascii_uppercase().as_str(), "N/A" | "NONE")
+    {
+        let found = encoding.text().to_owned();
+        return Err(Error::Unsupported { path: path.to_owned(), what: "encoding", found, supported: "none" });
+    }
+    let (data_path, offset) = image_place(path, &label)?;
+    let layout = raw_layout(path, image, offset)?;
+    let band_idx = options.band_idx(path, layout.num_bands)?;
+    let rows = RawRows::open(&data_path, &layout, band_idx)?;
+
+    let map = label.find_block("IMAGE_MAP_PROJECTION").ok_or_else(|| Error::NoGeoreference {
+        path: path.to_owned(),
+        what: "its label has no IMAGE_MAP_PROJECTION".to_owned(),
+    })?;
+    let given = options.given_crs(path)?;
+    let map = map::read(map, path, layout.width, layout.height, given)?;
+    let crs = turned_to_raster(map.crs, &map.map_from_pixel, layout.width, layout.height);
+
+    let scale = image.get("SCALING_FACTOR").and_then(Value::number).filter(|v| *v != 0.0).unwrap_or(1.0);
+    let file_offset = image.get("OFFSET").and_then(Value::number).unwrap_or(0.0);
+    let unit = match options.height_unit {
+        Some(unit) => unit,
+        None => height_unit(path, image, file_offset, crs.body.radius_m)?,
+    };
+    let nodata = options.nodata_or(nodata(image, layout.sample_type));
+    let law = HeightLaw::new(scale, file_offset, unit.metres(), crs.body.radius_m, &nodata);
+    let info = DemInfo {
+        path: path.to_owned(),
+        data_path,
+        format: DemFormat::Pds3,
+        storage: format!("raw image at byte {offset}"),
+        sample_type: layout.sample_type,
+        byte_order: layout.order,
+        width: layout.width,
+        height: layout.height,
+        num_bands: layout.num_bands,
+        band: band_idx + 1,
+        band_name: image.get("NAME").map(|v| v.text().to_owned()),
+        nodata,
+        scale,
+        offset: file_offset,
+        unit_m: unit.metres(),
+        crs,
+        crs_name: label.find("COORDINATE_SYSTEM_NAME").map(|v| v.text().to_owned()),
+        map_from_pixel: map.map_from_pixel,
+        pixel_is: PixelIs::Area,
+        num_overviews: 0,
+        notes: map.notes,
+    };
+    Ok(Opened { info, law, rows: RowSource::Raw(rows) })
+}
+
+fn malformed(path: &Path, what: &str, expected: &str, found: impl ToString) -> Error {
+    Error::Malformed {
+        path: path.to_owned(),
+        what: what.to_owned(),
+        expected: expected.to_owned(),
+        found: found.to_string(),
+    }
+}
+
+fn read_label(path: &Path) -> Result<Block, Error> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
+    // Latin-1: every byte is a character, so an attached image does no harm.
+    let text: String = bytes.iter().map(|&b| char::from(b)).collect();
+    // A label may follow a SFDU line (`CCSD3ZF0…`), which is no keyword.
+    let start = text.find("PDS_VERSION_ID").unwrap_or(0);
+    label::parse(&text[start..]).map_err(|(expected, found)| malformed(path, "PDS3 label", &expected, found))
+}
+
+/// The image's file and the offset of its first byte: `^IMAGE = "A.IMG" | ("A.IMG", 3) | 3 | 3 <BYTES> …`
+fn image_place(path: &Path, label: &Block) -> Result<(PathBuf, u64), Error> {
+    let pointer = label.find("^IMAGE").ok_or_else(|| malformed(path, "label", "a pointer ^IMAGE", "none"))?;
+    let (name, position) = match pointer {
+        Value::Scalar { .. } if pointer.number().is_some() => (None, Some(pointer)),
+        Value::Scalar { text, .. } => (Some(text.as_str()), None),
+        Value::List(items) => match items.as_slice() {
+            [first] if first.number().is_some() => (None, Some(first)),
+            [name, rest @ ..] => (Some(name.text()), rest.first()),
+            [] => (None, None),
+        },
+    };
+    let data_path = match name {
+        Some(name) => find_beside(path, name)
+            .ok_or_else(|| Error::MissingFile { path: path.to_owned(), target: name.to_owned() })?,
+        None => path.to_owned(),
+    };
+    let Some(position) = position else { return Ok((data_path, 0)) };
+    let number = position.number().filter(|v| (1.0..9e15).contains(v));
+    let number =
+        number.ok_or_else(|| malformed(path, "^IMAGE", "a position from 1", position.text()))? as u64 - 1;
+    if position.unit().is_some_and(|unit| unit.to_ascii_uppercase().starts_with("BYTE")) {
+        return Ok((data_path, number));
+    }
+    let record = label.find("RECORD_BYTES").and_then(Value::number).filter(|v| (1.0..1e12).contains(v));
+    let record = record.ok_or_else(|| malformed(path, "label", "RECORD_BYTES for ^IMAGE", "none"))? as u64;
+    let offset = number.checked_mul(record);
+    Ok((data_path, offset.ok_or_else(|| malformed(path, "^IMAGE", "a position in a file", position.text()))?))
+}
+
+fn raw_layout(path: &Path, image: &Block, offset: u64) -> Result<RawLayout, Error> {
+    let count = |key: &str, default: Option<f64>| -> Result<usize, Error> {
+        let value = image.get(key).and_then(Value::number).or(default);
+        match value {
+            Some(v) if (1.0..4.3e9).contains(&v) && v.fract() == 0.0 => Ok(v as usize),
+            Some(v) => Err(malformed(path, key, "a whole number from 1", v)),
+            None => Err(malformed(path, "label", key, "none")),
+        }
+    };
+    let margin = |key: &str| {
+        let bytes = image.get(key).and_then(Value::number).unwrap_or(0.0);
+        if (0.0..1e9).contains(&bytes) {
+            Ok(bytes as u64)
+        } else {
+            Err(malformed(path, key, "a byte count", bytes))
+        }
+    };
+    let interleave =
+        match image.get("BAND_STORAGE_TYPE").map(|v| v.text().to_ascii_uppercase().replace(' ', "_")) {
+            Some(text) if text.starts_with("LINE") => Interleave::Line,
+            Some(text) if text.starts_with("SAMPLE") => Interleave::Sample,
+            _ => Interleave::Band,
+        };
+    let (sample_type, order) = sample_type(path, image)?;
+    Ok(RawLayout {
+        offset,
+        width: count("LINE_SAMPLES", None)?,
+        height: count("LINES", None)?,
+        num_bands: count("BANDS", Some(1.0))?,
+        interleave,
+        prefix_bytes: margin("LINE_PREFIX_BYTES")?,
+        suffix_bytes: margin("LINE_SUFFIX_BYTES")?,
+        sample_type,
+        order,
+    })
+}
+
+/// `SAMPLE_TYPE` and `SAMPLE_BITS` (Standards Reference 3.8, appendix C).
+fn sample_type(path: &Path, image: &Block) -> Result<(SampleType, ByteOrder), Error> {
+    let name = image.get("SAMPLE_TYPE").map_or("", Value::text).to_ascii_uppercase().replace(' ', "_");
+    let bits = image.get("SAMPLE_BITS").and_then(Value::number).unwrap_or(0.0);
+    let order = if ["LSB", "PC", "VAX"].iter().any(|word| name.starts_with(word)) {
+        ByteOrder::Little
+    } else {
+        ByteOrder::Big
+    };
+    let float = name.ends_with("REAL") || name.ends_with("FLOAT");
+    let sample_type = match (bits as u32, float, name.contains("UNSIGNED")) {
+        (32, true, _) if !name.starts_with("VAX") => Some(SampleType::F32),
+        (64, true, _) if !name.starts_with("VAX") => Some(SampleType::F64),
+        (8, false, true) => Some(SampleType::U8),
+        (8, false, false) => Some(SampleType::I8),
+        (16, false, true) => Some(SampleType::U16),
+        (16, false, false) => Some(SampleType::I16),
+        (32, false, true) => Some(SampleType::U32),
+        (32, false, false) => Some(SampleType::I32),
+        _ => None,
+    };
+    sample_type.filter(|_| float || name.ends_with("INTEGER")).map(|t| (t, order)).ok_or_else(|| {
+        Error::Unsupported {
+            path: path.to_owned(),
+            what: "sample type",
+            found: format!("{name} of {bits} bits"),
+            supported: "MSB/LSB (UNSIGNED_)INTEGER of 8, 16, 32 bits, PC_REAL and IEEE_REAL of 32, 64",
+        }
+    })
+}
+
+/// The unit of heights; where the label has none, an offset that is the radius in kilometres tells.
+fn height_unit(path: &Path, image: &Block, offset: f64, radius_m: f64) -> Result<HeightUnit, Error> {
+    let text = image.get("UNIT").map_or("", Value::text);
+    if text.is_empty() || matches!(text.to_ascii_uppercase().as_str(), "N/A" | "NONE" | "NULL" | "UNK") {
+        let in_km = (offset * 1000.0 / radius_m - 1.0).abs() < 0.05;
+        return Ok(if in_km { HeightUnit::Kilometre } else { HeightUnit::Metre });
+    }
+    HeightUnit::parse(text).ok_or_else(|| Error::Unsupported {
+        path: path.to_owned(),
+        what: "height unit",
+        found: text.to_owned(),
+        supported: "metres and kilometres",
+    })
+}
+
+/// The stored numbers that mean "absent"; hexadecimal ones are the bits of a float where samples are floats.
+fn nodata(image: &Block, sample_type: SampleType) -> Vec<f64> {
+    const KEYS: [&str; 11] = [
+        "MISSING_CONSTANT",
+        "MISSING",
+        "INVALID_CONSTANT",
+        "NULL",
+        "CORE_NULL",
+        "DUMMY_DATA",
+        "CORE_LOW_REPR_SATURATION",
+        "CORE_LOW_INSTR_SATURATION",
+        "CORE_HIGH_REPR_SATURATION",
+        "CORE_HIGH_INSTR_SATURATION",
+        "NOT_APPLICABLE_CONSTANT",
+    ];
+    let number = |value: &Value| match (value.bits(), sample_type) {
+        (Some(bits), SampleType::F32) => Some(f64::from(f32::from_bits(bits as u32))),
+        (Some(bits), SampleType::F64) => Some(f64::from_bits(bits)),
+        (Some(bits), SampleType::I16) => Some(f64::from(bits as u16 as i16)),
+        (Some(bits), SampleType::I32) => Some(f64::from(bits as u32 as i32)),
+        _ => value.number(),
+    };
+    let mut values: Vec<f64> = Vec::new();
+    for value in KEYS.iter().filter_map(|key| image.get(key)) {
+        let found = match value {
+            Value::Scalar { .. } => number(value),
+            Value::List(items) => items.first().and_then(number),
+        };
+        values.extend(found.filter(|v| !values.contains(v)));
+    }
+    values
+}

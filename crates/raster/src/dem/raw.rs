@@ -1,0 +1,186 @@
+//! Rows out of an uncompressed image of any interleaving: what PDS3 and PDS4 labels describe.
+
+use super::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::Error;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Bytes read at once.
+const BLOCK_BYTES: u64 = 8 << 20;
+
+/// How bands lie in the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Interleave {
+    /// One whole band after the other.
+    Band,
+    /// A line of each band, then the next line.
+    Line,
+    /// A sample of each band, then the next sample.
+    Sample,
+}
+
+/// Size and layout of the image as its label has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct RawLayout {
+    pub(super) offset: u64,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) num_bands: usize,
+    pub(super) interleave: Interleave,
+    /// Bytes before and after the samples of each line.
+    pub(super) prefix_bytes: u64,
+    pub(super) suffix_bytes: u64,
+    pub(super) sample_type: SampleType,
+    pub(super) order: ByteOrder,
+}
+
+/// Reads rows of one band.
+#[derive(Debug)]
+pub(super) struct RawRows {
+    file: File,
+    path: PathBuf,
+    start: u64,
+    row_stride: u64,
+    row_bytes: u64,
+    width: usize,
+    sample_type: SampleType,
+    order: ByteOrder,
+    first_sample: usize,
+    sample_stride: usize,
+    block: Vec<u8>,
+}
+
+impl RawRows {
+    /// Opens the image and makes sure that it is as long as its label says.
+    pub(super) fn open(path: &Path, layout: &RawLayout, band_idx: usize) -> Result<Self, Error> {
+        let file = File::open(path).map_err(Error::io("open", path))?;
+        let found = file.metadata().map_err(Error::io("read", path))?.len();
+        let too_large = || Error::Malformed {
+            path: path.to_owned(),
+            what: "image size in the label".to_owned(),
+            expected: "an image below 2⁶³ bytes".to_owned(),
+            found: format!("{}×{} in {} band(s)", layout.width, layout.height, layout.num_bands),
+        };
+        let samples = layout.width as u64 * layout.sample_type.size() as u64;
+        let bands = layout.num_bands as u64;
+        let interleaved =
+            if layout.interleave == Interleave::Sample { samples.checked_mul(bands) } else { Some(samples) };
+        let row_bytes = interleaved.ok_or_else(too_large)?;
+        let line = row_bytes.saturating_add(layout.prefix_bytes).saturating_add(layout.suffix_bytes);
+        let row_stride =
+            if layout.interleave == Interleave::Line { line.saturating_mul(bands) } else { line };
+        let before = match layout.interleave {
+            Interleave::Band => {
+                line.checked_mul(layout.height as u64).and_then(|b| b.checked_mul(band_idx as u64))
+            }
+            Interleave::Line => line.checked_mul(band_idx as u64),
+            Interleave::Sample => Some(0),
+        };
+        let start = before
+            .and_then(|b| b.checked_add(layout.offset))
+            .and_then(|b| b.checked_add(layout.prefix_bytes))
+            .ok_or_else(too_large)?;
+        let expected = (layout.height as u64 - 1)
+            .checked_mul(row_stride)
+            .and_then(|b| b.checked_add(start))
+            .and_then(|b| b.checked_add(row_bytes))
+            .filter(|end| *end < 1 << 63)
+            .ok_or_else(too_large)?;
+        if expected > found {
+            let what = format!("an image of {}×{} {:?}", layout.width, layout.height, layout.sample_type);
+            return Err(Error::Truncated { path: path.to_owned(), what, expected, found });
+        }
+        let (first_sample, sample_stride) = match layout.interleave {
+            Interleave::Sample => (band_idx, layout.num_bands),
+            Interleave::Band | Interleave::Line => (0, 1),
+        };
+        Ok(Self {
+            file,
+            path: path.to_owned(),
+            start,
+            row_stride,
+            row_bytes,
+            width: layout.width,
+            sample_type: layout.sample_type,
+            order: layout.order,
+            first_sample,
+            sample_stride,
+            block: Vec::new(),
+        })
+    }
+
+    /// Rows `first..` into `out`, as many as it has room for.
+    pub(super) fn read(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
+        let rows_per_block = (BLOCK_BYTES / self.row_stride).max(1) as usize;
+        for (block_idx, heights) in out.chunks_mut(rows_per_block * self.width).enumerate() {
+            let num_rows = (heights.len() / self.width) as u64;
+            let row = (first + block_idx * rows_per_block) as u64;
+            let size = (num_rows - 1) * self.row_stride + self.row_bytes;
+            self.block.resize(size as usize, 0);
+            self.file
+                .seek(SeekFrom::Start(self.start + row * self.row_stride))
+                .and_then(|_| self.file.read_exact(&mut self.block))
+                .map_err(Error::io("read", &self.path))?;
+            let lines = self.block.chunks(self.row_stride as usize);
+            for (line, heights) in lines.zip(heights.chunks_exact_mut(self.width)) {
+                let samples = &line[..self.row_bytes as usize];
+                law.decode(
+                    samples,
+                    self.sample_type,
+                    self.order,
+                    self.first_sample,
+                    self.sample_stride,
+                    heights,
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three bands of 2×2 with a prefix of one byte and a suffix of two per line.
+    #[test]
+    fn interleavings_and_line_margins() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.img");
+        let value = |band: u8, y: u8, x: u8| 100 * band + 10 * y + x;
+        let line = |samples: Vec<u8>| [vec![255], samples, vec![255, 255]].concat();
+        let law = HeightLaw::new(1.0, 0.0, 1.0, 1.0, &[]);
+        for interleave in [Interleave::Band, Interleave::Line, Interleave::Sample] {
+            let lines: Vec<Vec<u8>> = match interleave {
+                Interleave::Band => {
+                    (0..6).map(|i| line((0..2).map(|x| value(i / 2, i % 2, x)).collect())).collect()
+                }
+                Interleave::Line => {
+                    (0..6).map(|i| line((0..2).map(|x| value(i % 3, i / 3, x)).collect())).collect()
+                }
+                Interleave::Sample => {
+                    (0..2).map(|y| line((0..6).map(|i| value(i % 3, y, i / 3)).collect())).collect()
+                }
+            };
+            std::fs::write(&path, [vec![9; 7], lines.concat()].concat()).unwrap();
+            let layout = RawLayout {
+                offset: 7,
+                width: 2,
+                height: 2,
+                num_bands: 3,
+                interleave,
+                prefix_bytes: 1,
+                suffix_bytes: 2,
+                sample_type: SampleType::U8,
+                order: ByteOrder::Little,
+            };
+            let mut rows = RawRows::open(&path, &layout, 1).unwrap();
+            let mut out = [0.0; 4];
+            rows.read(0, &law, &mut out).unwrap();
+            assert_eq!(out, [100.0, 101.0, 110.0, 111.0], "{interleave:?}");
+            let taller = RawLayout { height: 9, ..layout };
+            assert!(matches!(RawRows::open(&path, &taller, 1), Err(Error::Truncated { .. })));
+        }
+    }
+}
