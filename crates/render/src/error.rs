@@ -14,6 +14,9 @@ pub enum Error {
         /// What was found.
         found: String,
     },
+    /// A parameter of a reflectance law.
+    #[error(transparent)]
+    Reflectance(#[from] crate::brdf::ParameterError),
     /// The camera's centre lies below the surface.
     #[error("camera is {below_m:.1} m below the terrain at latitude {lat_deg:.4}°, longitude {lon_deg:.4}°")]
     CameraBelowGround {

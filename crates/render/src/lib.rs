@@ -2,14 +2,22 @@
 
 pub mod brdf;
 pub mod error;
+pub mod film;
 mod leaf;
 pub mod path;
+mod pattern;
+pub mod radiance;
+pub mod settings;
+mod simd;
 pub mod sun;
 pub mod trace;
 pub mod truth;
 pub mod view;
 
 pub use error::Error;
+pub use film::{Exposure, Tone};
+pub use radiance::radiance;
+pub use settings::{Albedo, AlbedoMap, InstructionSet, RadianceSettings};
 pub use sun::Sun;
 pub use trace::{Hit, Interpolation, LocalSurface, SurfaceHit, Tracer};
 pub use truth::{LightMaps, Shadows, Truth};

@@ -1,0 +1,162 @@
+//! Pictures: the mean radiance factor of each pixel's rays, for several Suns at once.
+
+use crate::pattern::{Patterns, turned};
+use crate::trace::tangents;
+use crate::{Error, Hit, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
+use nalgebra::{Point2, UnitVector3, Vector3};
+use rayon::prelude::*;
+use selenograph_geometry::pixel;
+use selenograph_raster::Raster;
+
+/// Side of the tiles that the picture is made in, pixels.
+pub(crate) const TILE: usize = 8;
+
+/// A Sun with two directions across its disc.
+pub(crate) struct SunDisc {
+    pub(crate) sun: Sun,
+    pub(crate) e1: Vector3<f64>,
+    pub(crate) e2: Vector3<f64>,
+}
+
+/// What all tiles of a picture share.
+pub(crate) struct Job<'a> {
+    pub(crate) tracer: &'a Tracer<'a>,
+    pub(crate) view: &'a View,
+    pub(crate) truth: &'a Truth,
+    pub(crate) settings: &'a RadianceSettings,
+    pub(crate) patterns: Patterns,
+    pub(crate) suns: Vec<SunDisc>,
+}
+
+/// Radiance factor (I/F) of every pixel under each Sun: the mean over rays spread by the Gaussian point spread, each with a
+/// direction of its own on the Sun's disc. Rays that meet no terrain count as black.
+///
+/// # Shapes and units
+/// One raster of `width × height` per Sun. `truth` is that of the same view.
+/// # Errors
+/// [`Error::Setting`] for unusable settings or a truth of another size.
+pub fn radiance(
+    tracer: &Tracer<'_>,
+    view: &View,
+    truth: &Truth,
+    suns: &[Sun],
+    settings: &RadianceSettings,
+) -> Result<Vec<Raster<f32>>, Error> {
+    settings.validate()?;
+    let (width, height) = (view.camera.width, view.camera.height);
+    if (truth.width, truth.height) != (width, height) {
+        return Err(Error::Setting {
+            name: "truth",
+            expected: "the truth of the same view",
+            found: format!("{}×{} for a picture of {width}×{height}", truth.width, truth.height),
+        });
+    }
+    let job = Job {
+        tracer,
+        view,
+        truth,
+        settings,
+        patterns: Patterns::new(settings.rays_per_pixel as usize, suns.first(), settings.seed),
+        suns: suns
+            .iter()
+            .map(|sun| {
+                let (e1, e2) = tangents(&sun.direction);
+                SunDisc { sun: *sun, e1, e2 }
+            })
+            .collect(),
+    };
+    let tiles_x = width.div_ceil(TILE);
+    let tiles: Vec<Vec<f32>> = (0..tiles_x * height.div_ceil(TILE))
+        .into_par_iter()
+        .map(|tile| {
+            let (x0, y0) = ((tile % tiles_x) * TILE, (tile / tiles_x) * TILE);
+            let mut out = vec![0.0; suns.len() * TILE * TILE];
+            job.exact_tile(x0, y0, &mut out);
+            out
+        })
+        .collect();
+    Ok((0..suns.len())
+        .map(|s| {
+            Raster::from_fn(width, height, |x, y| {
+                let tile = &tiles[(y / TILE) * tiles_x + x / TILE];
+                tile[(s * TILE + y % TILE) * TILE + x % TILE]
+            })
+        })
+        .collect())
+}
+
+impl Job<'_> {
+    /// Every ray of a tile by the exact tracer, in f64. `out`: `suns × TILE × TILE`.
+    fn exact_tile(&self, x0: usize, y0: usize, out: &mut [f32]) {
+        for y in y0..(y0 + TILE).min(self.truth.height) {
+            for x in x0..(x0 + TILE).min(self.truth.width) {
+                self.exact_pixel(x, y, &mut |s, value| out[(s * TILE + y - y0) * TILE + x - x0] = value);
+            }
+        }
+    }
+
+    fn exact_pixel(&self, x: usize, y: usize, put: &mut dyn FnMut(usize, f32)) {
+        let pattern = self.patterns.of_pixel(y * self.truth.width + x);
+        let mut sums = vec![0.0f64; self.suns.len()];
+        let sigma = self.settings.psf_sigma_px as f32;
+        for packet in pattern.packets {
+            for lane in (0..packet.weight.len()).filter(|lane| packet.weight[*lane] > 0.0) {
+                let [dx, dy] =
+                    turned(pattern.psf_turn, sigma * packet.psf_x[lane], sigma * packet.psf_y[lane]);
+                let disc = turned(pattern.sun_turn, packet.sun_x[lane], packet.sun_y[lane]);
+                let at =
+                    Point2::new(pixel::center_of(x) + f64::from(dx), pixel::center_of(y) + f64::from(dy));
+                self.exact_ray(&at, disc, f64::from(packet.weight[lane]), &mut sums);
+            }
+        }
+        let albedo = self.pixel_albedo(x, y);
+        for (s, sum) in sums.iter().enumerate() {
+            put(s, (albedo * sum) as f32);
+        }
+    }
+
+    /// The albedo that a pixel sees; rays beside a pixel that itself sees nothing take the value of the nearest place known
+    /// for certain, which is none: 1.
+    pub(crate) fn pixel_albedo(&self, x: usize, y: usize) -> f64 {
+        match &self.settings.albedo {
+            crate::Albedo::Constant(value) => *value,
+            map @ crate::Albedo::Map(_) => self.truth.point(self.view, x, y).map_or(1.0, |p| map.at(&p)),
+        }
+    }
+
+    /// One ray, its shading and its shadow under each Sun.
+    pub(crate) fn exact_ray(&self, at: &Point2<f64>, disc: [f32; 2], weight: f64, sums: &mut [f64]) {
+        let Some(ray) = self.view.camera.ray_z1(at) else { return };
+        let direction = self.view.world_from_cam.vector(&ray);
+        let Hit::Surface(hit) = self.tracer.first_hit(self.view.origin(), direction, 0.0, f64::INFINITY)
+        else {
+            return;
+        };
+        let Some(local) = self.tracer.local_surface(&hit) else { return };
+        let towards_camera = -direction.normalize();
+        for (sum, disc_of) in sums.iter_mut().zip(&self.suns) {
+            let towards_sun = disc_of.towards(disc);
+            let mu0 = local.normal.dot(&towards_sun);
+            if mu0 <= 0.0 {
+                continue;
+            }
+            let mu = local.normal.dot(&towards_camera);
+            let factor = self.settings.brdf.radiance_factor(mu0, mu, towards_sun.dot(&towards_camera), 1.0);
+            if factor > 0.0
+                && (self.settings.shadows == Shadows::Attached
+                    || !self.tracer.occluded(hit.point, towards_sun.into_inner()))
+            {
+                *sum += weight * factor;
+            }
+        }
+    }
+}
+
+impl SunDisc {
+    /// Direction to a place on the disc, given in units of its radius.
+    pub(crate) fn towards(&self, disc: [f32; 2]) -> UnitVector3<f64> {
+        let radius = self.sun.angular_radius_rad;
+        let across = self.e1 * (radius * f64::from(disc[0])) + self.e2 * (radius * f64::from(disc[1]));
+        UnitVector3::new_normalize(self.sun.direction.into_inner() + across)
+    }
+}
