@@ -2,6 +2,7 @@
 //!
 //! 0 done · 1 input or configuration is wrong · 2 unexpected failure · 3 done, with skips (listed).
 
+use crate::hints::hint;
 use crate::ui::Ui;
 use std::any::Any;
 use std::io::ErrorKind;
@@ -26,12 +27,13 @@ pub enum Outcome {
 #[error("{message}")]
 pub struct Refusal {
     message: String,
-    hint: Option<String>,
+    /// What to do about it.
+    pub hint: String,
 }
 
 /// An error of the command line itself, with what to do about it.
 pub fn refuse(message: impl Into<String>, hint: impl Into<String>) -> anyhow::Error {
-    Refusal { message: message.into(), hint: Some(hint.into()) }.into()
+    Refusal { message: message.into(), hint: hint.into() }.into()
 }
 
 /// Answers a command that ran, or panicked.
@@ -50,7 +52,7 @@ pub fn answer(result: Result<anyhow::Result<Outcome>, Box<dyn Any + Send>>, ui: 
                 // `selenograph … | head` is not a failure.
                 return ExitCode::SUCCESS;
             }
-            ui.complain(&format!("error: {}", one_line(&format!("{error:#}"))));
+            ui.complain(&format!("error: {}", message(&error)));
             if let Some(hint) = hint(&error) {
                 ui.complain(&format!("hint: {}", one_line(&hint)));
             }
@@ -111,11 +113,40 @@ fn usage_lines(rendered: &str) -> (String, String) {
     (message, hint)
 }
 
-fn one_line(text: &str) -> String {
-    text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+/// The chain of causes in one line; a cause that its predecessor quotes already is not told twice.
+fn message(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain() {
+        let text = cause_text(cause);
+        if told.is_empty() {
+            told = text;
+        } else if !told.contains(&text) {
+            told = format!("{told}: {text}");
+        }
+    }
+    told
 }
 
-fn io_kind(error: &anyhow::Error) -> Option<ErrorKind> {
+fn cause_text(cause: &(dyn std::error::Error + 'static)) -> String {
+    let text = cause.to_string();
+    if let Some(selenograph_dataset::Error::Campaign { .. }) = cause.downcast_ref() {
+        // The parser lists all keys there are; the nearest one is in the hint.
+        let kept = text.lines().filter(|line| !line.starts_with("did you mean"));
+        let kept: Vec<&str> = kept.map(|line| line.split(", expected one of").next().unwrap_or(line)).collect();
+        return one_line(&kept.join("\n"));
+    }
+    one_line(&text)
+}
+
+/// Lines joined; the excerpt of a file that a parser draws (`3 | key = value`, `  | ^^^`) is left out.
+fn one_line(text: &str) -> String {
+    let drawn = |line: &str| line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').starts_with('|');
+    let lines = text.split('\n').map(str::trim).filter(|line| !line.is_empty() && !drawn(line));
+    lines.collect::<Vec<_>>().join(" ")
+}
+
+/// The system's reason, where there is one.
+pub fn io_kind(error: &anyhow::Error) -> Option<ErrorKind> {
     error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>()).map(std::io::Error::kind)
 }
 
@@ -141,30 +172,6 @@ fn code(error: &anyhow::Error) -> u8 {
         Some(_) => UNEXPECTED,
         None => WRONG_INPUT,
     }
-}
-
-fn hint(error: &anyhow::Error) -> Option<String> {
-    let own = error.chain().find_map(|cause| {
-        if let Some(refusal) = cause.downcast_ref::<Refusal>() {
-            return refusal.hint.clone();
-        }
-        cause.downcast_ref::<selenograph_raster::Error>().and_then(|e| e.hint()).map(str::to_owned)
-    });
-    own.or_else(|| io_hint(error))
-}
-
-fn io_hint(error: &anyhow::Error) -> Option<String> {
-    let text = match io_kind(error)? {
-        ErrorKind::NotFound => "check the path; relative paths start at the current folder",
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-            "choose a folder that you may write to with --out"
-        }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            "free some space and run the same command again: what is complete is kept"
-        }
-        _ => return None,
-    };
-    Some(text.into())
 }
 
 #[cfg(test)]

@@ -4,6 +4,9 @@
 mod args;
 mod commands;
 mod exit;
+mod hints;
+mod settings;
+mod target;
 mod ui;
 
 use args::Cli;

@@ -1,7 +1,10 @@
 //! What can be typed: clap types only. What it means is in `commands`.
 
 pub mod about;
+pub mod campaign;
+pub mod data;
 pub mod dem;
+pub mod render;
 
 use clap::{Args, Parser, Subcommand};
 use std::num::NonZeroUsize;
@@ -55,7 +58,15 @@ pub enum Command {
     /// Elevation models: what they are, import, synthesis, a quick look
     #[command(subcommand)]
     Dem(dem::DemCommand),
+    /// The campaigns that come with the program
+    #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
+    Presets(campaign::Presets),
+    /// What a campaign resolves to
+    #[command(subcommand)]
+    Config(campaign::ConfigCommand),
     /// Shell completions on stdout
-    #[command(after_help = "Example:\n  selenograph completions bash > ~/.local/share/bash-completion/completions/selenograph")]
+    #[command(
+        after_help = "Example:\n  selenograph completions bash > ~/.local/share/bash-completion/completions/selenograph"
+    )]
     Completions(about::Completions),
 }

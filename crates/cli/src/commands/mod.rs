@@ -1,8 +1,15 @@
 //! What the commands do, one file each.
 
 mod completions;
+mod config_show;
+mod dem_hillshade;
+mod dem_info;
+mod presets;
+mod reading;
 
 use crate::args::Command;
+use crate::args::campaign::ConfigCommand;
+use crate::args::dem::DemCommand;
 use crate::exit::Outcome;
 use crate::ui::Ui;
 
@@ -12,7 +19,11 @@ use crate::ui::Ui;
 /// Whatever stops it; [`crate::exit`] turns it into a line, a hint and an exit code.
 pub fn run(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
     match command {
-        Command::Completions(args) => completions::run(args, ui),
+        Command::Dem(DemCommand::Info(args)) => dem_info::run(args, ui),
+        Command::Dem(DemCommand::Hillshade(args)) => dem_hillshade::run(args, ui),
         Command::Dem(_) => Ok(Outcome::Done),
+        Command::Presets(args) => presets::run(args, ui),
+        Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
+        Command::Completions(args) => completions::run(args, ui),
     }
 }

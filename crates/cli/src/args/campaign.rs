@@ -1,0 +1,92 @@
+//! Commands that work on campaigns: `plan`, `generate`, `presets`, `config show`, `demo`.
+
+use super::Target;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// Which campaign, layer over layer: preset, file, environment, flags.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Campaign")]
+pub struct CampaignChoice {
+    /// Campaign file (TOML)
+    #[arg(value_name = "CAMPAIGN")]
+    pub campaign: Option<PathBuf>,
+    /// Campaign that comes with the program
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// One key, for example nadir.pairs=20; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Every random number derives from it
+    #[arg(long, value_name = "N", env = "SELENOGRAPH_SEED", hide_env_values = true)]
+    pub seed: Option<u64>,
+}
+
+/// `presets`.
+#[derive(Debug, Args)]
+pub struct Presets {
+    /// Print this one
+    #[arg(value_name = "NAME")]
+    pub name: Option<String>,
+}
+
+/// `config …`.
+#[derive(Debug, Subcommand)]
+pub enum ConfigCommand {
+    /// Every key of a campaign with its value and where it came from
+    #[command(after_help = "Example:\n  selenograph config show --preset polar-real --set nadir.pairs=20")]
+    Show(ConfigShow),
+}
+
+/// `config show`.
+#[derive(Debug, Args)]
+pub struct ConfigShow {
+    /// Which campaign.
+    #[command(flatten)]
+    pub choice: CampaignChoice,
+}
+
+/// `plan`.
+#[derive(Debug, Args)]
+pub struct Plan {
+    /// Which campaign.
+    #[command(flatten)]
+    pub choice: CampaignChoice,
+    /// Terrain folder made by `dem import`
+    #[arg(long, value_name = "DIR")]
+    pub terrain: PathBuf,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// `generate`.
+#[derive(Debug, Args)]
+pub struct Generate {
+    /// Which campaign.
+    #[command(flatten)]
+    pub choice: CampaignChoice,
+    /// Terrain folder made by `dem import`
+    #[arg(long, value_name = "DIR")]
+    pub terrain: PathBuf,
+    /// Plan made by `plan` instead of a new one
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
+    /// Plan and say how much it would be, but render nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// `demo`.
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Another seed, another Moon
+    #[arg(long, value_name = "N", default_value_t = 1, env = "SELENOGRAPH_SEED", hide_env_values = true)]
+    pub seed: u64,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}

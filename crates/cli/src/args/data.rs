@@ -1,0 +1,90 @@
+//! `selenograph data …`.
+
+use super::Target;
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// What to do with datasets.
+#[derive(Debug, Subcommand)]
+pub enum DataCommand {
+    /// Find what is wrong with a dataset, ours or triplets, and explain it
+    #[command(after_help = "Example:\n  selenograph data check out/dataset --json")]
+    Check(Check),
+    /// Contact sheet: views, depth, slope and shadow of some pairs
+    #[command(after_help = "Example:\n  selenograph data sheet out/dataset --out sheet.png --pairs 8")]
+    Sheet(Sheet),
+    /// Training and validation parts that share no ground
+    #[command(after_help = "Example:\n  selenograph data split out/dataset --out split.json")]
+    Split(Split),
+    /// The paper's triplets (jpg, exr, npz) from our dataset
+    #[command(after_help = "Example:\n  selenograph data export out/dataset --out triplets --split split.json")]
+    Export(Export),
+}
+
+/// `data check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Dataset folder, ours or triplets
+    #[arg(value_name = "DIR")]
+    pub dataset: PathBuf,
+}
+
+/// `data sheet`.
+#[derive(Debug, Args)]
+pub struct Sheet {
+    /// Dataset folder
+    #[arg(value_name = "DIR")]
+    pub dataset: PathBuf,
+    /// How many pairs, spread over the dataset
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub pairs: usize,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// `data split`.
+#[derive(Debug, Args)]
+pub struct Split {
+    /// Dataset folder
+    #[arg(value_name = "DIR")]
+    pub dataset: PathBuf,
+    /// Share of the pairs to validate on
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    pub val_share: f64,
+    /// Side of a cell of ground [default: the largest footprint]
+    #[arg(long, value_name = "M")]
+    pub cell_m: Option<f64>,
+    /// Decides which cells
+    #[arg(long, value_name = "N", default_value_t = 0, env = "SELENOGRAPH_SEED", hide_env_values = true)]
+    pub seed: u64,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// `data export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Dataset folder
+    #[arg(value_name = "DIR")]
+    pub dataset: PathBuf,
+    /// Split made by `data split`, for split files beside the scenes
+    #[arg(long, value_name = "FILE")]
+    pub split: Option<PathBuf>,
+    /// Where K counts pixels from: the first pixel's centre (the paper's loader) or the corner (the public samples)
+    #[arg(long, value_name = "WHERE", default_value = "center")]
+    pub k_convention: KConvention,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// Where K counts pixels from.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum KConvention {
+    /// The first pixel's centre is (0, 0): principal point 255.5 for 512 pixels.
+    Center,
+    /// The first pixel's centre is (0.5, 0.5): principal point 256.
+    Corner,
+}

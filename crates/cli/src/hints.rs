@@ -1,0 +1,109 @@
+//! What the user can do about an error.
+
+use crate::exit::{Refusal, io_kind};
+use std::io::ErrorKind;
+
+/// The hint for an error, from the first cause that has one.
+pub fn hint(error: &anyhow::Error) -> Option<String> {
+    let from_cause = error.chain().find_map(|cause| {
+        if let Some(refusal) = cause.downcast_ref::<Refusal>() {
+            return Some(refusal.hint.clone());
+        }
+        if let Some(error) = cause.downcast_ref::<selenograph_raster::Error>() {
+            return raster(error);
+        }
+        if let Some(error) = cause.downcast_ref::<selenograph_terrain::Error>() {
+            return terrain(error);
+        }
+        if let Some(error) = cause.downcast_ref::<selenograph_render::Error>() {
+            return render(error);
+        }
+        if let Some(error) = cause.downcast_ref::<selenograph_dataset::Error>() {
+            return dataset(error);
+        }
+        cause.downcast_ref::<selenograph_geometry::Error>().and_then(geometry)
+    });
+    from_cause.or_else(|| io(io_kind(error)?))
+}
+
+fn some(text: &str) -> Option<String> {
+    Some(text.to_owned())
+}
+
+fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
+    use selenograph_geometry::Error;
+    match error {
+        Error::Camera { .. } => some("a camera has a field of view between 0 and 180 degrees and K = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels"),
+        Error::UnknownProjection { .. } | Error::ProjectionParameter { .. } => some(
+            "known are polar stereographic, equirectangular, geographic and orthographic maps of a sphere, for example `+proj=stere +lat_0=-90 +R=1737400`",
+        ),
+        _ => None,
+    }
+}
+
+fn raster(error: &selenograph_raster::Error) -> Option<String> {
+    use selenograph_raster::Error;
+    match error {
+        Error::Io { source, .. } => io(source.kind()),
+        Error::Malformed { .. } => some("the file is damaged: fetch or write it again"),
+        Error::UnknownFormat { .. } => some("`gdal_translate in out.tif` turns most other formats into GeoTIFF"),
+        Error::Unsupported { .. } => some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here"),
+        _ => error.hint().map(str::to_owned),
+    }
+}
+
+fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
+    use selenograph_terrain::Error;
+    match error {
+        Error::Raster(error) => raster(error),
+        Error::Io { source, .. } => io(source.kind()),
+        Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
+        Error::NotATerrain { .. } | Error::Version { .. } => some("make it with `selenograph dem import FILE... --out DIR`"),
+        _ => None,
+    }
+}
+
+fn render(error: &selenograph_render::Error) -> Option<String> {
+    use selenograph_render::Error;
+    match error {
+        Error::CameraBelowGround { .. } => some("raise the camera: --altitude-m is over the ground at the place looked at"),
+        Error::Setting { .. } => some("`selenograph render --help` tells what each setting may be"),
+        _ => None,
+    }
+}
+
+fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
+    use selenograph_dataset::Error;
+    match error {
+        Error::Raster(error) => raster(error),
+        Error::Geometry(error) => geometry(error),
+        Error::Io { source, .. } => io(source.kind()),
+        Error::Campaign { what } => Some(
+            what.lines()
+                .find(|line| line.starts_with("did you mean"))
+                .unwrap_or("`selenograph config show` prints every key with its value and where it came from")
+                .to_owned(),
+        ),
+        Error::Value { .. } => some("`selenograph config show` prints every key with its value and where it came from"),
+        Error::Contradiction { .. } => some("leave one of the two out"),
+        Error::UnknownPreset { .. } => some("`selenograph presets` lists them"),
+        Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
+        Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
+        _ => None,
+    }
+}
+
+fn io(kind: ErrorKind) -> Option<String> {
+    match kind {
+        ErrorKind::NotFound => some("check the path; relative paths start at the current folder"),
+        ErrorKind::PermissionDenied
+        | ErrorKind::ReadOnlyFilesystem
+        | ErrorKind::NotADirectory
+        | ErrorKind::AlreadyExists => some("choose a folder that you may write to with --out"),
+        ErrorKind::IsADirectory => some("a file is expected here, not a folder"),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            some("free some space and run the same command again: what is complete is kept")
+        }
+        _ => None,
+    }
+}

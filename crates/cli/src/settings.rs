@@ -1,0 +1,192 @@
+//! Settings in layers: defaults ‹ preset ‹ file ‹ environment ‹ flags, and where each value came from.
+
+use crate::args::campaign::CampaignChoice;
+use crate::exit::refuse;
+use anyhow::Context;
+use selenograph_dataset::Error;
+use selenograph_dataset::plan::preset::{PRESET_KEY, merge, preset_table};
+use selenograph_dataset::plan::Campaign;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// Layers laid over each other.
+#[derive(Debug, Default)]
+pub struct Layers {
+    merged: Table,
+    layers: Vec<(Table, String)>,
+}
+
+impl Layers {
+    /// The layers that a command line asks for.
+    ///
+    /// # Errors
+    /// An unknown preset, a file that cannot be read, an assignment that is none.
+    pub fn from_choice(choice: &CampaignChoice) -> anyhow::Result<Self> {
+        let mut layers = Self::default();
+        if let Some(name) = &choice.preset {
+            layers.add_preset(name)?;
+        }
+        if let Some(path) = &choice.campaign {
+            layers.add_file(path)?;
+        }
+        if let Some(seed) = choice.seed {
+            // Clap has looked at the environment already; the flag wins there.
+            layers.add_text(&format!("seed = {seed}"), "--seed or SELENOGRAPH_SEED")?;
+        }
+        for assignment in &choice.set {
+            layers.add_assignment(assignment)?;
+        }
+        Ok(layers)
+    }
+
+    fn add_preset(&mut self, name: &str) -> anyhow::Result<()> {
+        self.add_table(preset_table(name)?, format!("preset {name}"));
+        Ok(())
+    }
+
+    fn add_file(&mut self, path: &Path) -> anyhow::Result<()> {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read campaign `{}`", path.display()))?;
+        self.add_text(&text, &path.display().to_string())
+    }
+
+    /// Lays the text of a TOML file, and the preset that it names, over what is there.
+    fn add_text(&mut self, text: &str, origin: &str) -> anyhow::Result<()> {
+        // The text by itself first: only here are its lines known. Values are checked when all layers are together.
+        if let Err(error @ Error::Campaign { .. }) = Campaign::from_toml(&without_preset(text)) {
+            return Err(error).context(origin.to_owned());
+        }
+        let mut table: Table = text.parse().with_context(|| origin.to_owned())?;
+        match table.remove(PRESET_KEY) {
+            Some(Value::String(_)) if !self.layers.is_empty() => {
+                return Err(refuse(
+                    format!("{origin} names a preset, and --preset names one too"),
+                    "leave one of them out",
+                ));
+            }
+            Some(Value::String(name)) => self.add_preset(&name)?,
+            Some(other) => {
+                return Err(refuse(
+                    format!("{origin}: `{PRESET_KEY}` must be a name, found {other}"),
+                    "`selenograph presets` lists the names",
+                ));
+            }
+            None => {}
+        }
+        self.add_table(table, origin.to_owned());
+        Ok(())
+    }
+
+    /// Lays one `key=value` over what is there; the value is TOML, or a string where it is none.
+    fn add_assignment(&mut self, assignment: &str) -> anyhow::Result<()> {
+        let Some((key, value)) = assignment.split_once('=') else {
+            return Err(refuse(
+                format!("--set: `{assignment}` is not an assignment"),
+                "write it as key=value, for example --set nadir.pairs=20",
+            ));
+        };
+        let (key, value) = (key.trim(), value.trim());
+        let is_toml = format!("x = {value}").parse::<Table>().is_ok();
+        let value = if is_toml { value.to_owned() } else { format!("{value:?}") };
+        self.add_text(&format!("{key} = {value}"), &format!("--set {key}"))
+    }
+
+    fn add_table(&mut self, table: Table, origin: String) {
+        merge(&mut self.merged, table.clone());
+        self.layers.push((table, origin));
+    }
+
+    /// Where a key's value came from: the last layer that names it.
+    pub fn origin(&self, key: &str) -> &str {
+        let named = self.layers.iter().rev().find(|(table, _)| names(table, key));
+        named.map_or("default", |(_, origin)| origin)
+    }
+
+    /// The campaign, checked.
+    ///
+    /// # Errors
+    /// A value outside its range, or keys that contradict each other.
+    pub fn campaign(&self) -> anyhow::Result<Campaign> {
+        if self.layers.is_empty() {
+            return Err(refuse(
+                "no campaign is named",
+                "pass --preset NAME (`selenograph presets` lists them) or a campaign file",
+            ));
+        }
+        Ok(Campaign::from_table(self.merged.clone())?)
+    }
+}
+
+/// The text with the line that names a preset emptied, so that the other lines keep their numbers.
+fn without_preset(text: &str) -> String {
+    let is_it = |line: &str| line.split('=').next().is_some_and(|key| key.trim() == PRESET_KEY);
+    text.lines().map(|line| if is_it(line) { "" } else { line }).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether a table holds a value under a dotted key.
+fn names(table: &Table, key: &str) -> bool {
+    match key.split_once('.') {
+        None => table.contains_key(key),
+        Some((first, rest)) => match table.get(first) {
+            Some(Value::Table(inner)) => names(inner, rest),
+            _ => false,
+        },
+    }
+}
+
+/// Every leaf of a resolved campaign as dotted key and value.
+///
+/// # Errors
+/// If the campaign cannot be written as TOML.
+pub fn leaves(campaign: &Campaign) -> anyhow::Result<Vec<(String, Value)>> {
+    fn walk(table: &Table, prefix: &str, found: &mut Vec<(String, Value)>) {
+        for (name, value) in table {
+            let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+            match value {
+                Value::Table(inner) => walk(inner, &key, found),
+                leaf => found.push((key, leaf.clone())),
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(&campaign.to_toml()?.parse()?, "", &mut found);
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_layer_wins_and_says_so() {
+        let mut layers = Layers::default();
+        layers.add_text("preset = \"paper-iccv2025\"\nseed = 5\n", "mine.toml").unwrap();
+        layers.add_assignment("nadir.pairs = 7").unwrap();
+        layers.add_assignment("camera.focal_px=900.0").unwrap();
+        let campaign = layers.campaign().unwrap();
+        assert_eq!((campaign.seed, campaign.nadir.pairs), (5, 7));
+        assert_eq!((campaign.camera.fov_deg, campaign.camera.focal_px), (None, Some(900.0)));
+        assert_eq!(layers.origin("nadir.pairs"), "--set nadir.pairs");
+        assert_eq!(layers.origin("seed"), "mine.toml");
+        assert_eq!(layers.origin("oblique.pairs"), "preset paper-iccv2025");
+        assert_eq!(layers.origin("limits.max_attempts"), "default");
+        assert!(leaves(&campaign).unwrap().iter().any(|(key, _)| key == "sites.lat_deg.min"));
+    }
+
+    #[test]
+    fn words_need_no_quotes_in_assignments() {
+        let mut layers = Layers::default();
+        layers.add_assignment("nadir.pairs=1").unwrap();
+        layers.add_assignment("render.shadows=attached").unwrap();
+        assert_eq!(layers.origin("render.shadows"), "--set render.shadows");
+        assert!(layers.add_assignment("render.shadows").is_err());
+        assert!(layers.campaign().is_ok());
+    }
+
+    #[test]
+    fn a_preset_is_named_once() {
+        let mut layers = Layers::default();
+        layers.add_preset("descent").unwrap();
+        assert!(layers.add_text("preset = \"polar-real\"", "x.toml").is_err());
+    }
+}

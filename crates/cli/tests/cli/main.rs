@@ -1,0 +1,7 @@
+//! The binary from outside: what it prints, what it answers, and what it leaves behind.
+
+mod bad_input;
+mod dem;
+mod help;
+mod program;
+mod tiff;
