@@ -103,7 +103,7 @@ pub fn exp_of_minus<L: Lanes>(u: L) -> L {
 /// The fourth root tames the logarithm at 0.
 const X_LOG: [f32; 9] = [
     9.808_218e-6,
-    -0.000_316_107_42,
+    -0.000_316_107_4,
     -0.017_058_903,
     0.667_585_5,
     5.412_344,

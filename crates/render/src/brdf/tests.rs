@@ -137,18 +137,18 @@ fn reciprocity_holds() {
 
 /// Directional-hemispherical reflectance by midpoint sums: `∫ (I/F)/(π μ0) μ dω`.
 fn hemispherical(law: &Brdf, inc_deg: f64) -> f64 {
-    let (num_e, num_psi) = (400, 180);
+    let (num_e, num_psi) = (400u32, 180u32);
     let mu0 = (inc_deg * DEG).cos();
     let mut sum = 0.0;
     for a in 0..num_e {
-        let e_deg = (a as f64 + 0.5) * 90.0 / num_e as f64;
+        let e_deg = (f64::from(a) + 0.5) * 90.0 / f64::from(num_e);
         let (sin, cos) = (e_deg * DEG).sin_cos();
         let ring: f64 = (0..num_psi)
-            .map(|p| reference(law, inc_deg, e_deg, (p as f64 + 0.5) * 180.0 / num_psi as f64))
+            .map(|p| reference(law, inc_deg, e_deg, (f64::from(p) + 0.5) * 180.0 / f64::from(num_psi)))
             .sum();
         sum += ring * sin * cos;
     }
-    let cell = (90.0 / num_e as f64 * DEG) * (2.0 * 180.0 / num_psi as f64 * DEG);
+    let cell = (90.0 / f64::from(num_e) * DEG) * (2.0 * 180.0 / f64::from(num_psi) * DEG);
     sum * cell / (std::f64::consts::PI * mu0)
 }
 

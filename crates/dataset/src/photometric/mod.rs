@@ -1,0 +1,352 @@
+//! Can our reflectance and Sun reproduce the given pictures of a dataset from its own depth?
+//!
+//! The surface comes from the depth (smoothed within its half-float steps), the Sun from the campaign's convention in
+//! the east-north-up frame of the pair's site, the light from our law with attached shadows; one number per picture
+//! is fitted, its gain. A wrong Sun azimuth, a mirrored frame, another law or a cosine too many show at once; a shift
+//! of half a pixel does not.
+
+pub mod dequantise;
+pub mod fit;
+pub mod surface;
+
+use crate::Error;
+use crate::import::stereolunar::{self, Triplet, TripletPair};
+use fit::Agreement;
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
+use selenograph_raster::Raster;
+use selenograph_raster::codec::Picture;
+use selenograph_render::brdf::Brdf;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use surface::ViewSurface;
+
+/// Where the Sun stands, seen from the site.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SunAngles {
+    /// Clockwise from north, degrees.
+    pub azimuth_deg: f64,
+    /// Above the horizon, degrees.
+    pub elevation_deg: f64,
+}
+
+/// Where a pair's site is, for the Sun's angles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SiteRule {
+    /// Straight below the first camera (nadir pairs).
+    BelowFirstCamera,
+    /// Where the two optical axes pass each other (oblique pairs).
+    AxesCrossing,
+}
+
+impl SiteRule {
+    /// The rule of a trajectory by the name of its folder (`nadir_1`, `oblique_3`, …). Dynamic pairs have none: their
+    /// cameras look past the site.
+    pub fn of_folder(folder: &Path) -> Option<Self> {
+        let name = folder.file_name()?.to_str()?.to_ascii_lowercase();
+        // `pitch` is what the authors' folders call oblique pairs.
+        let rules = [
+            ("nadir", Self::BelowFirstCamera),
+            ("oblique", Self::AxesCrossing),
+            ("pitch", Self::AxesCrossing),
+        ];
+        rules.into_iter().find(|(prefix, _)| name.starts_with(prefix)).map(|(_, rule)| rule)
+    }
+}
+
+/// What the pictures are believed to have been made with, and how well they must be met.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// The law.
+    pub brdf: Brdf,
+    /// One Sun per light.
+    pub suns: Vec<SunAngles>,
+    /// Standard deviation of the Gaussian point spread, pixels.
+    pub psf_sigma_px: f64,
+    /// Where the camera matrices put the first pixel's centre.
+    pub k_convention: PixelConvention,
+    /// The body.
+    pub body: Body,
+    /// Every picture must correlate at least this well.
+    pub min_pearson: f64,
+    /// Their median must.
+    pub min_median_pearson: f64,
+}
+
+impl Default for Settings {
+    /// The StereoLunar samples.
+    fn default() -> Self {
+        // The scripts write (150, 160), (250, 20), (360, 165) and use the second as elevation: a cosine below 0 turns
+        // the azimuth round.
+        let suns = [(330.0, 20.0), (250.0, 20.0), (180.0, 15.0)];
+        Self {
+            brdf: Brdf::default(),
+            suns: suns.map(|(azimuth_deg, elevation_deg)| SunAngles { azimuth_deg, elevation_deg }).to_vec(),
+            psf_sigma_px: 0.6,
+            k_convention: PixelConvention::Corner,
+            body: Body::moon(),
+            min_pearson: 0.98,
+            min_median_pearson: 0.99,
+        }
+    }
+}
+
+/// One picture's agreement.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImageFit {
+    /// The picture.
+    pub image: PathBuf,
+    /// Number of its pair.
+    pub pair_id: u64,
+    /// Number of its light.
+    pub light_idx: usize,
+    /// 0 for A, 1 for B.
+    pub view_idx: usize,
+    /// The Sun it was rendered with.
+    pub sun: SunAngles,
+    /// Correlation over all pixels with depth.
+    pub pearson: f64,
+    /// Root mean square of the difference, grey levels.
+    pub rmse_levels: f64,
+    /// Fitted grey levels per unit of radiance factor.
+    pub gain: f64,
+    /// Pixels compared.
+    pub num_pixels: usize,
+}
+
+/// Something that was not compared, and why.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Skipped {
+    /// The folder or file.
+    pub path: PathBuf,
+    /// The reason.
+    pub reason: String,
+}
+
+/// The agreement of all pictures of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// One entry per picture.
+    pub images: Vec<ImageFit>,
+    /// What was left out.
+    pub skipped: Vec<Skipped>,
+    /// The worst correlation; `None` without pictures.
+    pub worst_pearson: Option<f64>,
+    /// The median correlation.
+    pub median_pearson: Option<f64>,
+    /// The median of the differences' root mean squares, grey levels.
+    pub median_rmse_levels: Option<f64>,
+    /// Whether there were pictures and all limits are kept.
+    pub agrees: bool,
+}
+
+/// A pair with its surfaces worked out: lighting it is cheap.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Number of the pair in its folder.
+    pub pair_id: u64,
+    /// The site of the Sun's angles.
+    pub site: Geodetic,
+    /// What A and B see.
+    pub surfaces: [ViewSurface; 2],
+    /// The pictures.
+    pub pictures: Vec<ScenePicture>,
+}
+
+/// A given picture of a [`Scene`].
+#[derive(Debug, Clone)]
+pub struct ScenePicture {
+    /// Its file.
+    pub path: PathBuf,
+    /// Number of its light.
+    pub light_idx: usize,
+    /// 0 for A, 1 for B.
+    pub view_idx: usize,
+    /// Grey levels.
+    pub levels: Raster<u8>,
+}
+
+impl Scene {
+    /// Reads a pair's depth, cameras and pictures. Depth and camera may come from any light; what else is missing is
+    /// noted in `skipped`.
+    ///
+    /// # Errors
+    /// [`Error`] for files that are broken, and if a view has no depth or no camera under any light.
+    pub fn read(
+        pair: &TripletPair,
+        rule: SiteRule,
+        settings: &Settings,
+        skipped: &mut Vec<Skipped>,
+    ) -> Result<Self, Error> {
+        let surfaces =
+            [read_surface(pair, 0, settings.k_convention)?, read_surface(pair, 1, settings.k_convention)?];
+        let site = site(rule, &surfaces.each_ref().map(|s| s.world_from_cam), &settings.body)?;
+        let mut pictures = Vec::new();
+        for (&light_idx, views) in &pair.lights {
+            for (view_idx, triplet) in views.iter().enumerate() {
+                let Some(Triplet { jpg: Some(path), .. }) = triplet else {
+                    let number =
+                        2 * (pair.pair_id * stereolunar::LIGHTS_PER_PAIR + light_idx) + view_idx as u64;
+                    let path = PathBuf::from(format!("{}.jpg", stereolunar::stem(number)));
+                    skipped.push(Skipped { path, reason: "the picture is missing".into() });
+                    continue;
+                };
+                let facets = &surfaces[view_idx].facets;
+                let levels = stereolunar::read_image(path, facets.width, facets.height)?;
+                pictures.push(ScenePicture {
+                    path: path.clone(),
+                    light_idx: light_idx as usize,
+                    view_idx,
+                    levels,
+                });
+            }
+        }
+        Ok(Self { pair_id: pair.pair_id, site, surfaces, pictures })
+    }
+
+    /// Renders one of the pictures with a Sun and a law given as `shade(mu0, mu, cos_phase)`.
+    pub fn render(
+        &self,
+        picture: &ScenePicture,
+        sun: SunAngles,
+        settings: &Settings,
+        shade: impl Fn(f64, f64, f64) -> f64 + Sync,
+    ) -> Raster<f64> {
+        let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
+        let to_sun = settings.body.direction(&self.site, azimuth, elevation);
+        fit::render(&self.surfaces[picture.view_idx], &to_sun, settings.psf_sigma_px, shade)
+    }
+
+    /// Compares every picture that has a Sun in the settings.
+    pub fn fit(&self, settings: &Settings, skipped: &mut Vec<Skipped>) -> Vec<ImageFit> {
+        let mut fits = Vec::new();
+        for picture in &self.pictures {
+            let mut skip =
+                |reason: &str| skipped.push(Skipped { path: picture.path.clone(), reason: reason.into() });
+            let Some(&sun) = settings.suns.get(picture.light_idx) else {
+                skip("the settings have no Sun for its light");
+                continue;
+            };
+            let rendered = self.render(picture, sun, settings, |mu0, mu, cos_phase| {
+                settings.brdf.radiance_factor(mu0, mu, cos_phase, 1.0)
+            });
+            let Some(Agreement { pearson, rmse_levels, gain, num_pixels }) =
+                fit::compare(&rendered, &picture.levels)
+            else {
+                skip("the picture or its rendering is uniform");
+                continue;
+            };
+            fits.push(ImageFit {
+                image: picture.path.clone(),
+                pair_id: self.pair_id,
+                light_idx: picture.light_idx,
+                view_idx: picture.view_idx,
+                sun,
+                pearson,
+                rmse_levels,
+                gain,
+                num_pixels,
+            });
+        }
+        fits
+    }
+}
+
+fn read_surface(
+    pair: &TripletPair,
+    view_idx: usize,
+    k_convention: PixelConvention,
+) -> Result<ViewSurface, Error> {
+    let triplets = || pair.lights.values().filter_map(|views| views[view_idx].as_ref());
+    let exr = triplets().find_map(|triplet| triplet.exr.as_ref());
+    let npz = triplets().find_map(|triplet| triplet.npz.as_ref());
+    let (Some(exr), Some(npz)) = (exr, npz) else {
+        let first = 2 * pair.pair_id * stereolunar::LIGHTS_PER_PAIR + view_idx as u64;
+        return Err(Error::Format {
+            path: PathBuf::from(stereolunar::stem(first)),
+            expected: "an .exr and an .npz under at least one light".into(),
+            found: "none".into(),
+        });
+    };
+    ViewSurface::new(&stereolunar::read_raw_view(exr, npz, k_convention)?)
+}
+
+/// The place whose east, north and up the Sun's angles are measured in.
+fn site(rule: SiteRule, poses: &[Rigid3<BodyFixed, Cam>; 2], body: &Body) -> Result<Geodetic, Error> {
+    let point = match rule {
+        SiteRule::BelowFirstCamera => poses[0].origin(),
+        SiteRule::AxesCrossing => {
+            let [a, b] = poses.each_ref().map(Rigid3::origin);
+            let [u, v] = poses.each_ref().map(|pose| pose.vector(&Vector3::z()));
+            // Least |a + s u − b − t v|.
+            let normal = Matrix2::new(u.dot(&u), -u.dot(&v), -u.dot(&v), v.dot(&v));
+            let right = Vector2::new(u.dot(&(b - a)), -v.dot(&(b - a)));
+            let st = normal.lu().solve(&right).ok_or(Error::Geometry(
+                selenograph_geometry::Error::Degenerate { what: "the optical axes of the two cameras" },
+            ))?;
+            let (on_a, on_b) = (a + u * st.x, b + v * st.y);
+            Point3::from((on_a.coords + on_b.coords) / 2.0)
+        }
+    };
+    Ok(Geodetic { height_m: 0.0, ..body.place(&point) })
+}
+
+/// Renders every picture of a folder of triplets (or of the folders directly inside it) and compares.
+/// Folders whose site cannot be told from their name are skipped.
+///
+/// # Errors
+/// [`Error`] for files that are broken, and views without depth or camera.
+pub fn check(root: &Path, settings: &Settings) -> Result<Report, Error> {
+    let (mut images, mut skipped) = (Vec::new(), Vec::new());
+    for folder in stereolunar::scenes(root)? {
+        let Some(rule) = SiteRule::of_folder(&folder) else {
+            let reason = "the site is known for folders named `nadir…` and `oblique…` (or `pitch…`) only";
+            skipped.push(Skipped { path: folder, reason: reason.into() });
+            continue;
+        };
+        for pair in stereolunar::scan(&folder)? {
+            let scene = Scene::read(&pair, rule, settings, &mut skipped)?;
+            images.extend(scene.fit(settings, &mut skipped));
+        }
+    }
+    Ok(Report::new(images, skipped, settings))
+}
+
+impl Report {
+    fn new(images: Vec<ImageFit>, skipped: Vec<Skipped>, settings: &Settings) -> Self {
+        let median_pearson = median(images.iter().map(|fit| fit.pearson));
+        let worst_pearson = images.iter().map(|fit| fit.pearson).reduce(f64::min);
+        let agrees = worst_pearson.is_some_and(|worst| worst >= settings.min_pearson)
+            && median_pearson.is_some_and(|median| median >= settings.min_median_pearson);
+        let median_rmse_levels = median(images.iter().map(|fit| fit.rmse_levels));
+        Self { images, skipped, worst_pearson, median_pearson, median_rmse_levels, agrees }
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let (low, high) = (sorted.get(sorted.len().checked_sub(1)? / 2)?, sorted.get(sorted.len() / 2)?);
+    Some((low + high) / 2.0)
+}
+
+/// A given picture, its rendering and their difference (doubled, about mid-grey) side by side, for looking.
+pub fn side_by_side(levels: &Raster<u8>, rendered: &Raster<f64>, gain: f64) -> Picture {
+    let (width, height) = (levels.width, levels.height);
+    Picture::Grey8(Raster::from_fn(3 * width, height, |x, y| {
+        let at = (x % width, y);
+        let (given, ours) = (f64::from(levels[at]), gain * rendered[at]);
+        // A cast from NaN gives 0: holes are black.
+        match x / width {
+            0 => given as u8,
+            1 => ours as u8,
+            _ => (128.0 + 2.0 * (ours - given)) as u8,
+        }
+    }))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,160 @@
+use super::*;
+use selenograph_raster::codec::png;
+use selenograph_render::brdf::Brdf;
+
+/// Every nadir and oblique pair of the shared samples; empty, with a message, where there are none.
+fn samples(test: &str) -> Vec<Scene> {
+    let workspace = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let shared = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(|| "../shared".into(), PathBuf::from);
+    let root = workspace.join(shared).join("data/stereolunar");
+    let settings = Settings::default();
+    let mut scenes = Vec::new();
+    for folder in stereolunar::scenes(&root).unwrap_or_default() {
+        let Some(rule) = SiteRule::of_folder(&folder) else { continue };
+        for pair in stereolunar::scan(&folder).unwrap() {
+            scenes.push(Scene::read(&pair, rule, &settings, &mut Vec::new()).unwrap());
+        }
+    }
+    match scenes.is_empty() {
+        true => eprintln!("SKIP shared-data: {test}: no nadir or oblique pairs in {}", root.display()),
+        false => eprintln!("RAN shared-data: {test}"),
+    }
+    scenes
+}
+
+fn report(scenes: &[Scene], settings: &Settings) -> Report {
+    let mut skipped = Vec::new();
+    let images = scenes.iter().flat_map(|scene| scene.fit(settings, &mut skipped)).collect();
+    Report::new(images, skipped, settings)
+}
+
+/// Correlations with another Sun or law, of the pictures of one light or (`None`) of all.
+fn control(
+    scenes: &[Scene],
+    light_idx: Option<usize>,
+    turn: impl Fn(SunAngles) -> SunAngles,
+    shade: impl Fn(f64, f64, f64) -> f64 + Sync,
+) -> Vec<f64> {
+    let settings = Settings::default();
+    let mut found = Vec::new();
+    for scene in scenes {
+        for picture in &scene.pictures {
+            if light_idx.is_some_and(|idx| idx != picture.light_idx) {
+                continue;
+            }
+            let sun = turn(settings.suns[picture.light_idx]);
+            let rendered = scene.render(picture, sun, &settings, &shade);
+            found.extend(fit::compare(&rendered, &picture.levels).map(|agreement| agreement.pearson));
+        }
+    }
+    found
+}
+
+/// One test, so that the surfaces are worked out once.
+#[test]
+fn shared_samples_are_reproduced_and_controls_are_not() {
+    let scenes = samples("shared_samples_are_reproduced_and_controls_are_not");
+    if scenes.is_empty() {
+        return;
+    }
+    let settings = Settings::default();
+    let truth = report(&scenes, &settings);
+    save_pictures(&scenes, &settings);
+    for fit in &truth.images {
+        eprintln!(
+            "pair {} light {} view {}: r {:.4}, {:.2} levels, gain {:.0}",
+            fit.pair_id, fit.light_idx, fit.view_idx, fit.pearson, fit.rmse_levels, fit.gain
+        );
+    }
+    eprintln!(
+        "worst {:?}, median {:?}, {:?} levels",
+        truth.worst_pearson, truth.median_pearson, truth.median_rmse_levels
+    );
+    assert!(truth.agrees, "{truth:#?}");
+    assert!(truth.images.iter().all(|fit| fit.rmse_levels <= 9.0));
+
+    let law = Brdf::default();
+    let hapke = |mu0: f64, mu: f64, cos_phase: f64| law.radiance_factor(mu0, mu, cos_phase, 1.0);
+    let same = |sun: SunAngles| sun;
+    let middle = |values: Vec<f64>| median(values.into_iter()).unwrap();
+    let controls = [
+        ("Lommel-Seeliger", 0.96, middle(control(&scenes, None, same, |mu0, mu, _| mu0 / (mu0 + mu)))),
+        ("Lambert", 0.96, middle(control(&scenes, None, same, |mu0, _, _| mu0))),
+        (
+            "a cosine too many",
+            0.96,
+            middle(control(&scenes, None, same, |mu0, mu, g| mu0 * hapke(mu0, mu, g))),
+        ),
+        (
+            "azimuth as the script writes it (150), unflipped",
+            0.0,
+            middle(control(&scenes, Some(0), |sun| SunAngles { azimuth_deg: 150.0, ..sun }, hapke)),
+        ),
+        (
+            "east and west exchanged",
+            0.8,
+            middle(control(&scenes, None, |sun| SunAngles { azimuth_deg: -sun.azimuth_deg, ..sun }, hapke)),
+        ),
+        (
+            "elevation 70 for 20",
+            0.6,
+            middle(control(&scenes, Some(1), |sun| SunAngles { elevation_deg: 70.0, ..sun }, hapke)),
+        ),
+    ];
+    for (what, limit, found) in controls {
+        eprintln!("control, {what}: median r {found:.3}");
+        assert!(found < limit, "{what} should fail, but its median correlation is {found:.4}");
+    }
+}
+
+fn save_pictures(scenes: &[Scene], settings: &Settings) {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/photometric"));
+    std::fs::create_dir_all(folder).unwrap();
+    for scene in scenes {
+        for picture in &scene.pictures {
+            let sun = settings.suns[picture.light_idx];
+            let rendered = scene
+                .render(picture, sun, settings, |mu0, mu, g| settings.brdf.radiance_factor(mu0, mu, g, 1.0));
+            let gain = fit::compare(&rendered, &picture.levels).unwrap().gain;
+            let Picture::Grey8(beside) = side_by_side(&picture.levels, &rendered, gain) else { continue };
+            let name = picture.path.file_stem().unwrap().to_string_lossy().into_owned() + ".png";
+            std::fs::write(folder.join(name), png::encode_grey8(&beside).unwrap()).unwrap();
+        }
+    }
+}
+
+#[test]
+fn sites_follow_their_rules() {
+    let body = Body::moon();
+    let pose = |place: Geodetic, target: Point3<f64>| {
+        let origin = body.point(&place);
+        selenograph_geometry::lookat::level::<BodyFixed>(origin, &(target - origin), &body.up(&place))
+            .unwrap()
+    };
+    let ground = Geodetic::from_deg(-88.0, 100.0, 0.0);
+    let target = body.point(&ground);
+    let poses = [
+        pose(Geodetic::from_deg(-88.4, 100.0, 20e3), target),
+        pose(Geodetic::from_deg(-88.0, 110.0, 25e3), target),
+    ];
+    let crossing = site(SiteRule::AxesCrossing, &poses, &body).unwrap();
+    assert!((body.point(&crossing) - target).norm() < 1e-3);
+    let below = site(SiteRule::BelowFirstCamera, &poses, &body).unwrap();
+    assert!((below.lat_rad.to_degrees() + 88.4).abs() < 1e-9);
+    let parallel = [poses[0], poses[0]];
+    assert!(site(SiteRule::AxesCrossing, &parallel, &body).is_err());
+}
+
+#[test]
+fn trajectories_are_told_by_the_folder() {
+    assert_eq!(SiteRule::of_folder(Path::new("x/nadir_1")), Some(SiteRule::BelowFirstCamera));
+    assert_eq!(SiteRule::of_folder(Path::new("pitch_clean_0_90")), Some(SiteRule::AxesCrossing));
+    assert_eq!(SiteRule::of_folder(Path::new("dynamic_1")), None);
+}
+
+#[test]
+fn medians() {
+    assert_eq!(median([3.0, 1.0, 2.0].into_iter()), Some(2.0));
+    assert_eq!(median([4.0, 1.0, 2.0, 3.0].into_iter()), Some(2.5));
+    assert_eq!(median(std::iter::empty()), None);
+}
