@@ -4,7 +4,14 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+pub mod generate;
+pub mod import;
 pub mod pair;
+pub mod photometric;
+pub mod plan;
 pub mod rng;
 
 pub use error::Error;
+
+#[cfg(test)]
+mod test_terrain;

@@ -1,0 +1,3 @@
+//! Planned pairs rendered into a dataset folder.
+
+pub mod settings;
