@@ -65,7 +65,9 @@ pub fn answer(result: Result<anyhow::Result<Outcome>, Box<dyn Any + Send>>, ui: 
                 .or_else(|| panic.downcast_ref::<&str>().copied())
                 .unwrap_or("no message");
             ui.complain(&format!("error: unexpected failure: {}", one_line(text)));
-            ui.complain("hint: this is a fault of selenograph; run again with RUST_BACKTRACE=1 and report it");
+            ui.complain(
+                "hint: this is a fault of selenograph; run again with RUST_BACKTRACE=1 and report it",
+            );
             ExitCode::from(UNEXPECTED)
         }
     }
@@ -80,9 +82,7 @@ pub fn silence_panics() {
 
 /// Answers a command line that cannot be parsed, or a call for help.
 pub fn answer_usage(error: &clap::Error) -> ExitCode {
-    use clap::error::ErrorKind::{
-        DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion,
-    };
+    use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     match error.kind() {
         DisplayHelp | DisplayVersion => {
             // Nothing useful can be said where stdout itself is closed.
@@ -132,7 +132,8 @@ fn cause_text(cause: &(dyn std::error::Error + 'static)) -> String {
     if let Some(selenograph_dataset::Error::Campaign { .. }) = cause.downcast_ref() {
         // The parser lists all keys there are; the nearest one is in the hint.
         let kept = text.lines().filter(|line| !line.starts_with("did you mean"));
-        let kept: Vec<&str> = kept.map(|line| line.split(", expected one of").next().unwrap_or(line)).collect();
+        let kept: Vec<&str> =
+            kept.map(|line| line.split(", expected one of").next().unwrap_or(line)).collect();
         return one_line(&kept.join("\n"));
     }
     one_line(&text)
@@ -140,7 +141,8 @@ fn cause_text(cause: &(dyn std::error::Error + 'static)) -> String {
 
 /// Lines joined; the excerpt of a file that a parser draws (`3 | key = value`, `  | ^^^`) is left out.
 fn one_line(text: &str) -> String {
-    let drawn = |line: &str| line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').starts_with('|');
+    let drawn =
+        |line: &str| line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').starts_with('|');
     let lines = text.split('\n').map(str::trim).filter(|line| !line.is_empty() && !drawn(line));
     lines.collect::<Vec<_>>().join(" ")
 }

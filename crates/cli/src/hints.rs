@@ -33,7 +33,9 @@ fn some(text: &str) -> Option<String> {
 fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
     use selenograph_geometry::Error;
     match error {
-        Error::Camera { .. } => some("a camera has a field of view between 0 and 180 degrees and K = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels"),
+        Error::Camera { .. } => some(
+            "a camera has a field of view between 0 and 180 degrees and K = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels",
+        ),
         Error::UnknownProjection { .. } | Error::ProjectionParameter { .. } => some(
             "known are polar stereographic, equirectangular, geographic and orthographic maps of a sphere, for example `+proj=stere +lat_0=-90 +R=1737400`",
         ),
@@ -46,8 +48,12 @@ fn raster(error: &selenograph_raster::Error) -> Option<String> {
     match error {
         Error::Io { source, .. } => io(source.kind()),
         Error::Malformed { .. } => some("the file is damaged: fetch or write it again"),
-        Error::UnknownFormat { .. } => some("`gdal_translate in out.tif` turns most other formats into GeoTIFF"),
-        Error::Unsupported { .. } => some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here"),
+        Error::UnknownFormat { .. } => {
+            some("`gdal_translate in out.tif` turns most other formats into GeoTIFF")
+        }
+        Error::Unsupported { .. } => {
+            some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here")
+        }
         _ => error.hint().map(str::to_owned),
     }
 }
@@ -58,7 +64,9 @@ fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
         Error::Raster(error) => raster(error),
         Error::Io { source, .. } => io(source.kind()),
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
-        Error::NotATerrain { .. } | Error::Version { .. } => some("make it with `selenograph dem import FILE... --out DIR`"),
+        Error::NotATerrain { .. } | Error::Version { .. } => {
+            some("make it with `selenograph dem import FILE... --out DIR`")
+        }
         _ => None,
     }
 }
@@ -66,7 +74,9 @@ fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
 fn render(error: &selenograph_render::Error) -> Option<String> {
     use selenograph_render::Error;
     match error {
-        Error::CameraBelowGround { .. } => some("raise the camera: --altitude-m is over the ground at the place looked at"),
+        Error::CameraBelowGround { .. } => {
+            some("raise the camera: --altitude-m is over the ground at the place looked at")
+        }
         Error::Setting { .. } => some("`selenograph render --help` tells what each setting may be"),
         _ => None,
     }
@@ -84,7 +94,9 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
                 .unwrap_or("`selenograph config show` prints every key with its value and where it came from")
                 .to_owned(),
         ),
-        Error::Value { .. } => some("`selenograph config show` prints every key with its value and where it came from"),
+        Error::Value { .. } => {
+            some("`selenograph config show` prints every key with its value and where it came from")
+        }
         Error::Contradiction { .. } => some("leave one of the two out"),
         Error::UnknownPreset { .. } => some("`selenograph presets` lists them"),
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),

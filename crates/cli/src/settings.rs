@@ -4,8 +4,8 @@ use crate::args::campaign::CampaignChoice;
 use crate::exit::refuse;
 use anyhow::Context;
 use selenograph_dataset::Error;
-use selenograph_dataset::plan::preset::{PRESET_KEY, merge, preset_table};
 use selenograph_dataset::plan::Campaign;
+use selenograph_dataset::plan::preset::{PRESET_KEY, merge, preset_table};
 use std::path::Path;
 use toml::{Table, Value};
 

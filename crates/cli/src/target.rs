@@ -47,9 +47,9 @@ impl Draft {
     /// Finds out now, not after an hour of work, whether the folder can be written to.
     fn probe(&self, parent: &Path) -> anyhow::Result<()> {
         remove(&self.partial);
-        std::fs::write(&self.partial, b"").with_context(|| format!("cannot write to `{}`", parent.display()))?;
-        std::fs::remove_file(&self.partial)
-            .with_context(|| format!("cannot write to `{}`", parent.display()))
+        std::fs::write(&self.partial, b"")
+            .with_context(|| format!("cannot write to `{}`", parent.display()))?;
+        std::fs::remove_file(&self.partial).with_context(|| format!("cannot write to `{}`", parent.display()))
     }
 
     /// Where to write for now.

@@ -17,7 +17,9 @@ pub enum DataCommand {
     #[command(after_help = "Example:\n  selenograph data split out/dataset --out split.json")]
     Split(Split),
     /// The paper's triplets (jpg, exr, npz) from our dataset
-    #[command(after_help = "Example:\n  selenograph data export out/dataset --out triplets --split split.json")]
+    #[command(
+        after_help = "Example:\n  selenograph data export out/dataset --out triplets --split split.json"
+    )]
     Export(Export),
 }
 

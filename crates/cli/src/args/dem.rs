@@ -11,13 +11,19 @@ pub enum DemCommand {
     #[command(after_help = "Example:\n  selenograph dem info LDEM_875S_5M.tif --json")]
     Info(Info),
     /// One or several elevation models, in any order, into a terrain that the renderer can trace
-    #[command(after_help = "Example:\n  selenograph dem import site_5m.tif region_40m.tif ring_1600m.tif --out terrain")]
+    #[command(
+        after_help = "Example:\n  selenograph dem import site_5m.tif region_40m.tif ring_1600m.tif --out terrain"
+    )]
     Import(Import),
     /// A synthetic Moon: seeded relief with craters, as a GeoTIFF
-    #[command(after_help = "Example:\n  selenograph dem synth --size 4096 --cell-m 5 --seed 7 --out synthetic.tif")]
+    #[command(
+        after_help = "Example:\n  selenograph dem synth --size 4096 --cell-m 5 --seed 7 --out synthetic.tif"
+    )]
     Synth(Synth),
     /// A shaded picture of an elevation model, for looking
-    #[command(after_help = "Example:\n  selenograph dem hillshade site_5m.tif --azimuth-deg 315 --out site.png")]
+    #[command(
+        after_help = "Example:\n  selenograph dem hillshade site_5m.tif --azimuth-deg 315 --out site.png"
+    )]
     Hillshade(Hillshade),
 }
 

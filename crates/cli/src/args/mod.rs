@@ -13,8 +13,10 @@ use std::path::PathBuf;
 /// Lunar terrain in, verified stereo pairs out.
 #[derive(Debug, Parser)]
 #[command(name = "selenograph", version, propagate_version = true, max_term_width = 110)]
-#[command(after_help = "Exit codes: 0 done, 1 wrong input or configuration, 2 unexpected failure, 3 done with skips.\n\
-    Data goes to stdout, everything else to stderr. Conventions: docs/conventions.md, files: docs/formats.md.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 wrong input or configuration, 2 unexpected failure, 3 done with skips.\n\
+    Data goes to stdout, everything else to stderr. Conventions: docs/conventions.md, files: docs/formats.md."
+)]
 pub struct Cli {
     /// Options of every command.
     #[command(flatten)]
@@ -58,6 +60,11 @@ pub enum Command {
     /// Elevation models: what they are, import, synthesis, a quick look
     #[command(subcommand)]
     Dem(dem::DemCommand),
+    /// One picture of a terrain with all its truth maps, for looking
+    #[command(
+        after_help = "Example:\n  selenograph render terrain --lat-deg -89.2 --lon-deg 120 --altitude-m 9500 --out picture"
+    )]
+    Render(render::Render),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

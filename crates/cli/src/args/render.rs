@@ -53,11 +53,11 @@ pub struct CameraPlace {
     #[arg(long, value_name = "DEG", default_value_t = 45.0)]
     pub fov_deg: f64,
     /// Columns
-    #[arg(long, value_name = "PX", default_value_t = 512)]
-    pub width: usize,
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub width: u32,
     /// Rows
-    #[arg(long, value_name = "PX", default_value_t = 512)]
-    pub height: usize,
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub height: u32,
 }
 
 /// Sun and shadows.

@@ -32,13 +32,19 @@ pub fn run(args: &Hillshade, ui: &Ui) -> anyhow::Result<Outcome> {
     let factor = width.max(height).div_ceil(args.max_side);
     let heights = read_reduced(&mut reader, factor, ui)?;
     let cell_m = [step_x * ground[0] * factor as f64, step_y * ground[1] * factor as f64];
-    let shade =
-        gradient::horn(&heights, cell_m).hillshade(args.azimuth_deg.to_radians(), args.elevation_deg.to_radians());
+    let shade = gradient::horn(&heights, cell_m)
+        .hillshade(args.azimuth_deg.to_radians(), args.elevation_deg.to_radians());
     // NaN becomes 0: absent ground is black.
     let picture = shade.map(|cosine| (255.0 * cosine.clamp(0.0, 1.0)).round() as u8);
     std::fs::write(draft.path(), png::encode_grey8(&picture)?)?;
     draft.commit()?;
-    ui.note(&format!("{} × {} pixels, {:.1} m each: {}", picture.width, picture.height, cell_m[0], args.target.out.display()));
+    ui.note(&format!(
+        "{} × {} pixels, {:.1} m each: {}",
+        picture.width,
+        picture.height,
+        cell_m[0],
+        args.target.out.display()
+    ));
     Ok(Outcome::Done)
 }
 

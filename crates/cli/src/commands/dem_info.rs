@@ -250,7 +250,8 @@ fn arc(mut lons: Vec<f64>) -> (f64, f64) {
     lons.sort_by(f64::total_cmp);
     let (Some(&first), Some(&last)) = (lons.first(), lons.last()) else { return (0.0, 360.0) };
     let around = first + 360.0 - last;
-    let widest = lons.windows(2).map(|pair| (pair[1] - pair[0], pair[1], pair[0])).max_by(|a, b| a.0.total_cmp(&b.0));
+    let widest =
+        lons.windows(2).map(|pair| (pair[1] - pair[0], pair[1], pair[0])).max_by(|a, b| a.0.total_cmp(&b.0));
     match widest {
         // A lattice of 33 points round a circle leaves gaps of 11°: below twice that it is the whole circle.
         Some((gap, ..)) if gap.max(around) < 22.0 => (0.0, 360.0),
@@ -264,14 +265,26 @@ fn text(path: &Path, report: &Report<'_>) -> String {
     let mut lines = vec![format!("{}", path.display())];
     let mut line = |name: &str, value: String| lines.push(format!("  {name:<12} {value}"));
     line("format", format!("{}, {}, {}", word(info.format), word(info.sample_type), info.storage));
-    line("size", format!("{} × {} pixels, band {} of {}", info.width, info.height, info.band, info.num_bands));
+    line(
+        "size",
+        format!("{} × {} pixels, band {} of {}", info.width, info.height, info.band, info.num_bands),
+    );
     line("body", format!("{}, sphere of {} m", info.crs.body.name, info.crs.body.radius_m));
     line("map", format!("{}: {}", report.projection, proj_string::format(&info.crs)));
     let map = &report.extent_map;
-    line("extent", format!("x {:.3} .. {:.3}, y {:.3} .. {:.3} {}", map.x_min, map.x_max, map.y_min, map.y_max, map.unit));
+    line(
+        "extent",
+        format!(
+            "x {:.3} .. {:.3}, y {:.3} .. {:.3} {}",
+            map.x_min, map.x_max, map.y_min, map.y_max, map.unit
+        ),
+    );
     if let Some(place) = &report.extent_deg {
         let (lat, lon) = ((place.lat_min, place.lat_max), (place.lon_min, place.lon_max));
-        line("place", format!("latitude {:.4} .. {:.4}°, east longitude {:.4} .. {:.4}°", lat.0, lat.1, lon.0, lon.1));
+        line(
+            "place",
+            format!("latitude {:.4} .. {:.4}°, east longitude {:.4} .. {:.4}°", lat.0, lat.1, lon.0, lon.1),
+        );
     }
     if let Some([across, down]) = report.cell_m {
         line("cell", format!("{across:.3} × {down:.3} m on the ground in the middle"));
@@ -283,7 +296,10 @@ fn text(path: &Path, report: &Report<'_>) -> String {
         line("slope", format!("median {:.2}°, 95 % below {:.2}°", slope.median, slope.p95));
     }
     if info.num_bands > 1 {
-        lines.push(format!("  {:<12} the file has {} bands: --band N reads another one", "note", info.num_bands));
+        lines.push(format!(
+            "  {:<12} the file has {} bands: --band N reads another one",
+            "note", info.num_bands
+        ));
     }
     for note in &info.notes {
         lines.push(format!("  {:<12} {note}", "note"));

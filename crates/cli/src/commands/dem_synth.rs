@@ -51,7 +51,11 @@ pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
     bar.finish_and_clear();
     draft.commit()?;
     let side_km = args.size as f64 * args.cell_m / 1000.0;
-    ui.note(&format!("{side_km} km round the south pole, {} m cells: {}", args.cell_m, args.target.out.display()));
+    ui.note(&format!(
+        "{side_km} km round the south pole, {} m cells: {}",
+        args.cell_m,
+        args.target.out.display()
+    ));
     Ok(Outcome::Done)
 }
 

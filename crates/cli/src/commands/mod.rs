@@ -3,9 +3,12 @@
 mod completions;
 mod config_show;
 mod dem_hillshade;
+mod dem_import;
 mod dem_info;
+mod dem_synth;
 mod presets;
 mod reading;
+mod render;
 
 use crate::args::Command;
 use crate::args::campaign::ConfigCommand;
@@ -21,7 +24,9 @@ pub fn run(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
     match command {
         Command::Dem(DemCommand::Info(args)) => dem_info::run(args, ui),
         Command::Dem(DemCommand::Hillshade(args)) => dem_hillshade::run(args, ui),
-        Command::Dem(_) => Ok(Outcome::Done),
+        Command::Dem(DemCommand::Import(args)) => dem_import::run(args, ui),
+        Command::Dem(DemCommand::Synth(args)) => dem_synth::run(args, ui),
+        Command::Render(args) => render::run(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),

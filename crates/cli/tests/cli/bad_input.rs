@@ -75,7 +75,12 @@ fn unknown_projection() {
 fn nothing_but_nodata() {
     let nodata = Dem { nodata: Some("-9999"), ..Dem::flat(16, -9999.0) };
     refused_everywhere(&with_dem("void.tif", &nodata), "void.tif", "no valid sample", "--nodata");
-    refused_everywhere(&with_dem("nan.tif", &Dem::flat(16, f32::NAN)), "nan.tif", "no valid sample", "--band");
+    refused_everywhere(
+        &with_dem("nan.tif", &Dem::flat(16, f32::NAN)),
+        "nan.tif",
+        "no valid sample",
+        "--band",
+    );
 }
 
 #[test]

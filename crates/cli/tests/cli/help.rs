@@ -10,7 +10,8 @@ fn every_command_has_help_with_one_example_of_itself() {
     let place = Place::new();
     for command in COMMANDS {
         let help = place.run(&format!("{command} --help")).ok();
-        let examples: Vec<&str> = help.stdout.lines().skip_while(|line| *line != "Example:").skip(1).collect();
+        let examples: Vec<&str> =
+            help.stdout.lines().skip_while(|line| *line != "Example:").skip(1).collect();
         assert_eq!(examples.len(), 1, "{command}: {}", help.stdout);
         assert!(examples[0].trim().starts_with(&format!("selenograph {command}")), "{}", examples[0]);
         assert!(help.stderr.is_empty());

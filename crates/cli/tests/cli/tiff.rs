@@ -30,8 +30,7 @@ impl Dem {
     /// Gentle hills round the pole.
     pub fn hills(side: usize, cell_m: f64) -> Self {
         let wave = |i: usize| (i as f32 * 0.31).sin();
-        let heights =
-            (0..side * side).map(|k| 100.0 + 12.0 * wave(k % side) * wave(k / side + 3)).collect();
+        let heights = (0..side * side).map(|k| 100.0 + 12.0 * wave(k % side) * wave(k / side + 3)).collect();
         Self {
             width: side,
             height: side,
@@ -53,7 +52,8 @@ impl Dem {
         let mut keys = SOUTH_POLAR.to_vec();
         keys[6 * 4 + 3] = self.transformation;
         let samples: Vec<u8> = self.heights.iter().flat_map(|h| h.to_le_bytes()).collect();
-        let short = |values: &[u16]| (3u16, values.len(), values.iter().flat_map(|v| v.to_le_bytes()).collect());
+        let short =
+            |values: &[u16]| (3u16, values.len(), values.iter().flat_map(|v| v.to_le_bytes()).collect());
         let long = |value: usize| (4u16, 1, (value as u32).to_le_bytes().to_vec());
         let double =
             |values: &[f64]| (12u16, values.len(), values.iter().flat_map(|v| v.to_le_bytes()).collect());
