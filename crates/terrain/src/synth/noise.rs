@@ -5,9 +5,9 @@
 //! that no axis shows.
 
 /// Standard deviation of gradient noise with unit gradients, measured over 10⁶ points.
-const VALUE_SIGMA: f64 = 0.2577;
+const VALUE_SIGMA: f64 = 0.2155;
 /// Standard deviation of one gradient component per lattice spacing, of the same noise scaled to σ = 1.
-pub(super) const SLOPE_PER_SIGMA: f64 = 3.45;
+pub(super) const SLOPE_PER_SIGMA: f64 = 2.90;
 
 /// A well-mixed 64-bit word (the finaliser of splitmix64).
 pub(super) fn mix(mut z: u64) -> u64 {

@@ -84,36 +84,22 @@ impl Relief {
     ) -> Self {
         let [step_x, step_y] = map_from_grid.steps();
         let cell_m = step_x.max(step_y);
-        let level_of = |length: f64, samples: f64| (length / (samples * cell_m)).log2().floor().max(0.0) as usize;
-        let mut levels: Vec<Level> = Vec::new();
-        let mut at = |level: usize| {
-            if levels.len() <= level {
-                levels.resize_with(level + 1, Level::default);
-            }
-            level
-        };
-        let placed = |n: usize| n;
-        let relief: Vec<_> = relief
-            .into_iter()
-            .map(|w| (at(level_of(w.octave.wavelength_m, SAMPLES_PER_WAVE)), w))
-            .collect();
-        let roughness: Vec<_> = roughness
-            .into_iter()
-            .map(|w| (at(level_of(w.octave.wavelength_m, SAMPLES_PER_WAVE)), w))
-            .collect();
-        let craters: Vec<_> = craters
-            .into_iter()
-            .map(|c| (at(level_of(c.min_diameter_m, SAMPLES_PER_CRATER)), c))
-            .collect();
-        let base_level = base.as_ref().map(|b| at(level_of(b.cell_m(), SAMPLES_PER_WAVE)));
-        for (level, wave) in relief {
-            levels[placed(level)].relief.push(wave);
+        let level_of =
+            |length: f64, samples: f64| (length / (samples * cell_m)).log2().floor().max(0.0) as usize;
+        let of_wave = |wave: &Wave| level_of(wave.octave.wavelength_m, SAMPLES_PER_WAVE);
+        let top = relief.iter().chain(&roughness).map(of_wave).max().unwrap_or(0);
+        let of_class = |class: &CraterClass| level_of(class.min_diameter_m, SAMPLES_PER_CRATER);
+        let top = craters.iter().map(of_class).fold(top, usize::max);
+        let base_level = base.as_ref().map(|b| level_of(b.cell_m(), SAMPLES_PER_WAVE));
+        let mut levels = vec![Level::default(); top.max(base_level.unwrap_or(0)) + 1];
+        for wave in relief {
+            levels[of_wave(&wave)].relief.push(wave);
         }
-        for (level, wave) in roughness {
-            levels[level].roughness.push(wave);
+        for wave in roughness {
+            levels[of_wave(&wave)].roughness.push(wave);
         }
-        for (level, class) in craters {
-            levels[level].craters.push(class);
+        for class in craters {
+            levels[of_class(&class)].craters.push(class);
         }
         if let Some(level) = base_level {
             levels[level].base = true;
@@ -132,8 +118,7 @@ impl Relief {
             windows.push(windows[level - 1].coarser());
         }
         let mut field: Option<Field> = None;
-        for (level, window) in self.levels.iter().zip(windows).enumerate().rev().map(|(n, (l, w))| (n, (l, w))).map(|(n, (l, w))| ((n, l), w)) {
-            let (number, level) = level;
+        for (number, (level, window)) in self.levels.iter().zip(windows).enumerate().rev() {
             let mut next = match field {
                 Some(coarse) => coarse.finer(window),
                 None => Field {
@@ -153,7 +138,8 @@ impl Relief {
         let stride = (1i64 << number) as f64;
         let window = field.window;
         let map_at = |i: usize, j: usize| {
-            self.map_from_grid.apply((window.col0 + i as i64) as f64 * stride, (window.row0 + j as i64) as f64 * stride)
+            self.map_from_grid
+                .apply((window.col0 + i as i64) as f64 * stride, (window.row0 + j as i64) as f64 * stride)
         };
         if let (true, Some(base)) = (level.base, &self.base) {
             for j in 0..window.rows {
@@ -186,11 +172,17 @@ impl Relief {
     fn add_craters(&self, class: &CraterClass, stride: f64, field: &mut Field) {
         let window = field.window;
         let corner = |i: usize, j: usize| {
-            self.map_from_grid.apply((window.col0 + i as i64) as f64 * stride, (window.row0 + j as i64) as f64 * stride)
+            self.map_from_grid
+                .apply((window.col0 + i as i64) as f64 * stride, (window.row0 + j as i64) as f64 * stride)
         };
-        let corners =
-            [corner(0, 0), corner(window.cols - 1, 0), corner(0, window.rows - 1), corner(window.cols - 1, window.rows - 1)];
-        let bound = |k: usize, pick: fn(f64, f64) -> f64| corners.iter().map(|c| c[k]).fold(corners[0][k], pick);
+        let corners = [
+            corner(0, 0),
+            corner(window.cols - 1, 0),
+            corner(0, window.rows - 1),
+            corner(window.cols - 1, window.rows - 1),
+        ];
+        let bound =
+            |k: usize, pick: fn(f64, f64) -> f64| corners.iter().map(|c| c[k]).fold(corners[0][k], pick);
         let rectangle = [bound(0, f64::min), bound(1, f64::min), bound(0, f64::max), bound(1, f64::max)];
         let craters = class.in_rectangle(rectangle);
         if craters.is_empty() {
@@ -212,7 +204,8 @@ impl Relief {
             for j in range(r, window.rows) {
                 for i in range(c, window.cols) {
                     let [x, y] = corner(i, j);
-                    let Some([height, erased, roughness]) = class.effect(crater, x - crater.x, y - crater.y) else {
+                    let Some([height, erased, roughness]) = class.effect(crater, x - crater.x, y - crater.y)
+                    else {
                         continue;
                     };
                     let at = j * window.cols + i;

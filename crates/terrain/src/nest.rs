@@ -1,0 +1,307 @@
+//! A fine elevation model fitted onto coarser ones, so that the surface is continuous and its seam is no cliff.
+//!
+//! The height of a node becomes `coarse + w · (fine − coarse)`: the *residual* fades, not the terrain, so that the long
+//! waves of both agree everywhere. `w` is C¹, 1 inside, 0 at the rim and at absent nodes, over a width of at least one
+//! coarse cell, and wider where the two differ much: the slope that fading adds is at most `1.5 · |step| / width`.
+
+mod scratch;
+mod under;
+mod weight;
+
+use crate::layer::SUPPORT_BLOCK;
+use crate::layer_file::support_size;
+use crate::store::{NewLayer, Source, TerrainWriter};
+use crate::{Error, Grid};
+use rayon::prelude::*;
+use scratch::Scratch;
+use serde::{Deserialize, Serialize};
+use under::Under;
+use weight::{BlockDistance, Weight};
+
+/// Rows handled at a time.
+const BAND_ROWS: usize = 64;
+/// Blocks at the rim and beside holes in which the step between fine and coarse is sampled.
+const STEP_BLOCKS: f32 = 3.0;
+/// Steepest slope of `smoothstep`, per unit.
+const STEEPEST: f64 = 1.5;
+
+/// How a finer layer is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NestOptions {
+    /// Least width of the fade, in cells of the coarser terrain.
+    pub blend_cells: f64,
+    /// Slope (tangent) that fading may add, for 99 of 100 places at the rim: the width grows until it holds.
+    pub max_seam_slope: f64,
+    /// The fade takes at most this share of the layer's shorter side from each side.
+    pub max_share: f64,
+}
+
+impl Default for NestOptions {
+    /// 0.05 is 2.9°, a quarter of the median slope of the polar sites.
+    fn default() -> Self {
+        Self { blend_cells: 2.0, max_seam_slope: 0.05, max_share: 0.2 }
+    }
+}
+
+/// What fitting a layer found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NestReport {
+    /// Width of the fade, metres.
+    pub width_m: f64,
+    /// 99th percentile of |fine − coarse| at the rim and at holes, before fitting, metres.
+    pub step_p99_m: f64,
+    /// The largest, metres.
+    pub step_max_m: f64,
+    /// Largest |fitted − coarse| at the nodes of the rim, metres: rounding.
+    pub rim_residual_m: f64,
+    /// The same halfway between them, where the coarse surface may bend and the fine one does not, metres.
+    pub rim_between_nodes_m: f64,
+    /// Absent nodes that were filled from the coarser terrain.
+    pub num_filled: u64,
+}
+
+/// Fits a finer elevation model onto what a writer holds already and adds it as its next layer.
+///
+/// `read_rows(first, count, out)` gives the model's node rows, called from the top; `progress(rows done, rows to do)`
+/// counts both passes.
+///
+/// # Errors
+/// [`Error::AllAbsent`] without a single height; errors of the reader; [`Error::Io`].
+pub fn add_nested(
+    writer: &mut TerrainWriter,
+    grid: &Grid,
+    source: Source,
+    options: &NestOptions,
+    mut read_rows: impl FnMut(usize, usize, &mut Vec<f32>) -> Result<(), Error>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<NestReport, Error> {
+    let surface = writer.surface()?;
+    let under = Under::new(&surface, grid);
+    let mut scratch = Scratch::create(writer.scratch(), grid.cols)?;
+    let (block_cols, block_rows) = (grid.cols.div_ceil(SUPPORT_BLOCK), grid.rows.div_ceil(SUPPORT_BLOCK));
+    let mut has_absent = vec![false; block_cols * block_rows];
+    let mut num_present = 0u64;
+    let mut band = Vec::new();
+    for first in (0..grid.rows).step_by(BAND_ROWS) {
+        let count = BAND_ROWS.min(grid.rows - first);
+        read_rows(first, count, &mut band)?;
+        for (j, row) in band.chunks_exact(grid.cols).enumerate() {
+            let blocks = &mut has_absent[(first + j) / SUPPORT_BLOCK * block_cols..][..block_cols];
+            for (i, height) in row.iter().enumerate() {
+                if height.is_nan() {
+                    blocks[i / SUPPORT_BLOCK] = true;
+                } else {
+                    num_present += 1;
+                }
+            }
+        }
+        scratch.push(&band)?;
+        progress(first + count, 2 * grid.rows);
+    }
+    if num_present == 0 {
+        return Err(Error::AllAbsent { name: source.name, cells: grid.cols * grid.rows });
+    }
+    let holes = BlockDistance::new(block_cols, block_rows, &has_absent);
+    let uncovered =
+        BlockDistance::new(block_cols, block_rows, &uncovered_blocks(&under, block_cols, block_rows));
+    let steps = sample_steps(&under, &mut scratch, holes.as_ref(), block_cols, block_rows)?;
+    let weight = Weight {
+        width_m: steps.width_m(grid, options),
+        step_m: step_m(grid),
+        last: [(grid.cols - 1) as f64, (grid.rows - 1) as f64],
+        holes,
+        uncovered,
+    };
+    let mut layer = writer.begin_layer(grid, true)?;
+    let (num_filled, rim_residual_m) = fit(&under, &weight, &mut scratch, &mut layer, progress)?;
+    scratch.remove()?;
+    let report = NestReport {
+        width_m: weight.width_m,
+        step_p99_m: steps.p99_m,
+        step_max_m: steps.max_m,
+        rim_residual_m,
+        rim_between_nodes_m: between_nodes(&under),
+        num_filled,
+    };
+    let support = support(&under, &weight, &has_absent, block_cols);
+    drop(surface);
+    writer.finish_layer(layer, source, Some(&support), Some(report))?;
+    Ok(report)
+}
+
+/// Metres per column and per row at the middle.
+fn step_m(grid: &Grid) -> [f64; 2] {
+    let [step_c, step_r] = grid.map_from_grid().steps();
+    let scale = grid.cell_m() / (step_c * step_r).sqrt();
+    [step_c * scale, step_r * scale]
+}
+
+/// Blocks with a corner under which the coarser terrain is absent.
+fn uncovered_blocks(under: &Under<'_>, block_cols: usize, block_rows: usize) -> Vec<bool> {
+    let [last_c, last_r] = [(under.fine.cols - 1) as f64, (under.fine.rows - 1) as f64];
+    let corner = |n: usize, last: f64| ((n * SUPPORT_BLOCK) as f64).min(last);
+    let absent: Vec<Vec<bool>> = (0..=block_rows)
+        .into_par_iter()
+        .map(|j| {
+            let r = corner(j, last_r);
+            (0..=block_cols).map(|i| under.sample(corner(i, last_c), r).is_none()).collect()
+        })
+        .collect();
+    let block =
+        |i: usize, j: usize| absent[j][i] || absent[j][i + 1] || absent[j + 1][i] || absent[j + 1][i + 1];
+    (0..block_rows).flat_map(|j| (0..block_cols).map(move |i| (i, j))).map(|(i, j)| block(i, j)).collect()
+}
+
+/// How far fine and coarse heights are apart where they must meet.
+struct Steps {
+    p99_m: f64,
+    max_m: f64,
+    coarse_cell_m: f64,
+}
+
+impl Steps {
+    fn width_m(&self, grid: &Grid, options: &NestOptions) -> f64 {
+        let [step_c, step_r] = step_m(grid);
+        let side = ((grid.cols - 1) as f64 * step_c).min((grid.rows - 1) as f64 * step_r);
+        let wanted = (options.blend_cells.max(1.0) * self.coarse_cell_m)
+            .max(STEEPEST * self.p99_m / options.max_seam_slope.max(1e-3));
+        // Never narrower than one coarse cell, unless the layer itself is hardly wider.
+        let most = (options.max_share.clamp(0.0, 0.5) * side).max(self.coarse_cell_m.min(0.5 * side));
+        wanted.min(most)
+    }
+}
+
+fn sample_steps(
+    under: &Under<'_>,
+    scratch: &mut Scratch,
+    holes: Option<&BlockDistance>,
+    block_cols: usize,
+    block_rows: usize,
+) -> Result<Steps, Error> {
+    let grid = under.fine;
+    let mut steps: Vec<f64> = Vec::new();
+    let mut cells: Vec<f64> = Vec::new();
+    for block_row in 0..block_rows {
+        // The rim itself in the first and last row of blocks, the middle elsewhere.
+        let edge_row = block_row == 0 || block_row + 1 == block_rows;
+        let row = match block_row {
+            0 => 0,
+            _ if edge_row => grid.rows - 1,
+            n => (n * SUPPORT_BLOCK + SUPPORT_BLOCK / 2).min(grid.rows - 1),
+        };
+        let heights = scratch.read(row, 1)?;
+        for block_col in 0..block_cols {
+            let edge_col = block_col == 0 || block_col + 1 == block_cols;
+            let beside_hole = holes.is_some_and(|h| h.block(block_col, block_row) <= STEP_BLOCKS);
+            if !(edge_row || edge_col || beside_hole) {
+                continue;
+            }
+            let col = match block_col {
+                0 => 0,
+                _ if edge_col => grid.cols - 1,
+                n => (n * SUPPORT_BLOCK + SUPPORT_BLOCK / 2).min(grid.cols - 1),
+            };
+            if let (Some((coarse, cell)), true) =
+                (under.sample(col as f64, row as f64), heights[col].is_finite())
+            {
+                steps.push((f64::from(heights[col]) - coarse).abs());
+                cells.push(cell);
+            }
+        }
+    }
+    steps.sort_by(f64::total_cmp);
+    let own = grid.cell_m();
+    let p99_m = steps.get(steps.len().saturating_sub(1) * 99 / 100).copied().unwrap_or(0.0);
+    Ok(Steps {
+        p99_m,
+        max_m: steps.last().copied().unwrap_or(0.0),
+        coarse_cell_m: cells.into_iter().fold(own, f64::max),
+    })
+}
+
+/// The second pass: blended rows into the layer. Returns the number of filled nodes and the residual at the rim.
+fn fit(
+    under: &Under<'_>,
+    weight: &Weight,
+    scratch: &mut Scratch,
+    layer: &mut NewLayer,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<(u64, f64), Error> {
+    let grid = under.fine;
+    let (mut num_filled, mut residual) = (0u64, 0f64);
+    for first in (0..grid.rows).step_by(BAND_ROWS) {
+        let count = BAND_ROWS.min(grid.rows - first);
+        let mut band = scratch.read(first, count)?;
+        let rows: Vec<(u64, f64)> = band
+            .par_chunks_exact_mut(grid.cols)
+            .enumerate()
+            .map(|(j, row)| fit_row(under, weight, first + j, row))
+            .collect();
+        for (filled, rim) in rows {
+            num_filled += filled;
+            residual = residual.max(rim);
+        }
+        layer.push_rows(&band)?;
+        progress(grid.rows + first + count, 2 * grid.rows);
+    }
+    Ok((num_filled, residual))
+}
+
+fn fit_row(under: &Under<'_>, weight: &Weight, row: usize, heights: &mut [f32]) -> (u64, f64) {
+    let (mut num_filled, mut residual) = (0, 0f64);
+    let (last_col, last_row) = (under.fine.cols - 1, under.fine.rows - 1);
+    for (col, height) in heights.iter_mut().enumerate() {
+        let (c, r) = (col as f64, row as f64);
+        let w = weight.at(c, r);
+        if w >= 1.0 && height.is_finite() {
+            continue;
+        }
+        let Some((coarse, _)) = under.sample(c, r) else { continue };
+        if height.is_nan() {
+            num_filled += 1;
+            *height = coarse as f32;
+        } else {
+            *height = (coarse + w * (f64::from(*height) - coarse)) as f32;
+        }
+        if w == 0.0 && (row == 0 || row == last_row || col == 0 || col == last_col) {
+            residual = residual.max((f64::from(*height) - coarse).abs());
+        }
+    }
+    (num_filled, residual)
+}
+
+/// Largest deviation of the coarse surface from a straight line between neighbouring nodes of the rim.
+fn between_nodes(under: &Under<'_>) -> f64 {
+    let (last_c, last_r) = (under.fine.cols - 1, under.fine.rows - 1);
+    let along_c = [0, last_r].into_iter().flat_map(|r| (0..last_c).map(move |c| ([c, r], [c + 1, r])));
+    let along_r = [0, last_c].into_iter().flat_map(|c| (0..last_r).map(move |r| ([c, r], [c, r + 1])));
+    along_c
+        .chain(along_r)
+        .filter_map(|(a, b)| {
+            let height = |c: f64, r: f64| Some(under.sample(c, r)?.0);
+            let (ac, ar, bc, br) = (a[0] as f64, a[1] as f64, b[0] as f64, b[1] as f64);
+            let middle = height(f64::midpoint(ac, bc), f64::midpoint(ar, br))?;
+            Some((f64::midpoint(height(ac, ar)?, height(bc, br)?) - middle).abs())
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Effective cell size per support block: the coarser terrain's where less than half of the residual is left.
+fn support(under: &Under<'_>, weight: &Weight, has_absent: &[bool], block_cols: usize) -> Vec<f32> {
+    let grid = under.fine;
+    let (cols, rows) = support_size(grid);
+    let own = grid.cell_m();
+    let mut out = Vec::with_capacity(cols * rows);
+    for j in 0..rows {
+        for i in 0..cols {
+            let middle = |n: usize, last: usize| ((n * SUPPORT_BLOCK + SUPPORT_BLOCK / 2).min(last)) as f64;
+            let (c, r) = (middle(i, grid.cols - 1), middle(j, grid.rows - 1));
+            let from_coarse = has_absent[j * block_cols + i] || weight.at(c, r) < 0.5;
+            let coarse = if from_coarse { under.sample(c, r) } else { None };
+            out.push(coarse.map_or(own, |(_, cell)| cell.max(own)) as f32);
+        }
+    }
+    out
+}
