@@ -81,6 +81,9 @@ pub enum Error {
     /// A frame or camera that does not exist.
     #[error(transparent)]
     Geometry(#[from] selenograph_geometry::Error),
+    /// A picture or array that cannot be read or written.
+    #[error(transparent)]
+    Raster(#[from] selenograph_raster::Error),
 }
 
 impl Error {

@@ -3,13 +3,18 @@
 //! The folder layout and every file of it are described in `docs/formats.md`.
 #![forbid(unsafe_code)]
 
+pub mod check;
 pub mod error;
+pub mod export;
+mod font;
 pub mod generate;
 pub mod import;
 pub mod pair;
 pub mod photometric;
 pub mod plan;
 pub mod rng;
+pub mod sheet;
+pub mod split;
 
 pub use error::Error;
 

@@ -1,0 +1,158 @@
+//! What is right and wrong with a folder of pairs: ours, or StereoLunar triplets.
+//!
+//! Nothing here trusts a name: depths are warped from view to view, and what agrees is what is stored.
+
+mod folder;
+mod geometry;
+pub mod numbers;
+pub mod pose;
+pub mod principal_point;
+pub mod report;
+pub mod reprojection;
+#[cfg(test)]
+pub(crate) mod synthetic;
+
+pub use report::{Code, Finding, FolderKind, Report, Severity};
+
+use crate::Error;
+use crate::import::stereolunar;
+use crate::pair::list_pairs;
+use folder::PairCheck;
+use principal_point::{PrincipalPoint, Verdict};
+use rayon::prelude::*;
+use selenograph_geometry::{Body, PixelConvention};
+use std::path::Path;
+
+/// How to check.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckOptions {
+    /// The body of triplets, whose files do not name one.
+    pub body: Body,
+    /// What the triplets' camera matrices are taken for; the fit then says whether that is so.
+    pub k_convention: PixelConvention,
+    /// Every this many pixels across and down are warped.
+    pub step: usize,
+}
+
+impl Default for CheckOptions {
+    fn default() -> Self {
+        Self { body: Body::moon(), k_convention: PixelConvention::Corner, step: 2 }
+    }
+}
+
+/// Checks a dataset of ours, a folder of triplets, or a folder of such folders.
+///
+/// # Errors
+/// [`Error::Io`] if the folder cannot be read, [`Error::Format`] if there are no pairs in it. What is wrong with the
+/// pairs themselves is in the report.
+pub fn check(folder: &Path, options: &CheckOptions) -> Result<Report, Error> {
+    let options = &CheckOptions { step: options.step.max(1), ..options.clone() };
+    let own = list_pairs(folder)?;
+    let (kind, checks) = if own.is_empty() {
+        let mut jobs = Vec::new();
+        for scene in stereolunar::scenes(folder)? {
+            jobs.extend(stereolunar::scan(&scene)?.into_iter().map(|pair| (scene.clone(), pair)));
+        }
+        let checks: Vec<PairCheck> =
+            jobs.par_iter().map(|(scene, pair)| folder::check_triplets(scene, pair, options)).collect();
+        (FolderKind::Stereolunar, checks)
+    } else {
+        let checks = own.par_iter().map(|(id, path)| folder::check_own(*id, path, options)).collect();
+        (FolderKind::Selenograph, checks)
+    };
+    if checks.is_empty() {
+        return Err(Error::Format {
+            path: folder.to_owned(),
+            expected: "`pairs/…` of a dataset, or `im_NNNNN.jpg/.exr/.npz` here or one folder below"
+                .to_owned(),
+            found: "neither".to_owned(),
+        });
+    }
+    Ok(assemble(folder, kind, checks, options))
+}
+
+fn assemble(folder: &Path, kind: FolderKind, checks: Vec<PairCheck>, options: &CheckOptions) -> Report {
+    let evidence: Vec<_> = checks.iter().filter_map(|check| check.evidence).collect();
+    let principal_point = principal_point::combine(&evidence);
+    let place = folder.display().to_string();
+    let mut report = Report {
+        folder: place.clone(),
+        kind,
+        num_pairs: checks.len(),
+        num_images: checks.iter().map(|check| check.num_images).sum(),
+        principal_point: None,
+        pairs: Vec::new(),
+        findings: Vec::new(),
+    };
+    for check in checks {
+        report.pairs.extend(check.numbers);
+        report.findings.extend(check.findings);
+    }
+    if let Some(point) = &principal_point {
+        let gsd_m = report.pairs.iter().map(|pair| pair.views[0].gsd_m).fold(0.0, f64::max);
+        report.findings.extend(principal_point_finding(point, kind, &place, gsd_m, options));
+    }
+    report.principal_point = principal_point;
+    // Stable: within a kind, the order of the pairs stays.
+    report.findings.sort_by_key(|finding| (std::cmp::Reverse(finding.severity), finding.code));
+    report
+}
+
+fn principal_point_finding(
+    point: &PrincipalPoint,
+    kind: FolderKind,
+    place: &str,
+    gsd_m: f64,
+    options: &CheckOptions,
+) -> Option<Finding> {
+    let finding = |severity, message: String| Finding::new(severity, Code::PrincipalPoint, place, message);
+    let found = match (point.verdict, options.k_convention) {
+        (Verdict::CannotTell, _) => {
+            return Some(finding(
+                Severity::Info,
+                format!(
+                    "cannot tell whether principal points are corner-based or centre-based: half a pixel is {:.1} \
+                     sigma in this geometry",
+                    point.separation_sigma
+                ),
+            ));
+        }
+        (Verdict::Other, _) => {
+            return Some(
+                finding(Severity::Error, format!("principal points are off: {point}"))
+                    .hint("the image may have been cropped or resized without its camera matrix"),
+            );
+        }
+        // Our own records say their convention, and have to keep it.
+        (Verdict::AsTold, _) if kind == FolderKind::Selenograph => return None,
+        (_, _) if kind == FolderKind::Selenograph => {
+            return Some(
+                finding(Severity::Error, format!("principal points are not as the records say: {point}"))
+                    .hint("`k_pixel_convention` in camera.json is wrong, or the matrix was copied from elsewhere"),
+            );
+        }
+        (Verdict::AsTold, told) => told,
+        (Verdict::HalfPixelMore, _) => PixelConvention::Center,
+        (Verdict::HalfPixelLess, _) => PixelConvention::Corner,
+    };
+    Some(match found {
+        PixelConvention::Center => finding(
+            Severity::Info,
+            "principal points are centre-based, as OpenCV and the paper's loader take them".to_owned(),
+        ),
+        PixelConvention::Corner => finding(
+            Severity::Warning,
+            format!(
+                "principal points are corner-based; a loader that back-projects whole pixel numbers is off by half \
+                 a pixel, up to {:.0} m here",
+                gsd_m / 2.0
+            ),
+        )
+        .hint("take 0.5 from cx and cy for such a loader, or add 0.5 to its pixel numbers"),
+    })
+}
+
+#[cfg(test)]
+mod shared_samples;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,96 @@
+//! The numbers of a pair that a reader wants to see: where, how high, how far apart, how well it reprojects.
+
+use super::reprojection::{View, WarpStatistics, symmetric};
+use crate::pair::tilt_rad;
+use selenograph_geometry::units::wrap_360_deg;
+use selenograph_geometry::{Body, Camera, pixel};
+use selenograph_raster::statistics;
+use serde::Serialize;
+
+/// The numbers of one view.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewNumbers {
+    /// Height of the camera above the reference sphere, metres.
+    pub altitude_above_sphere_m: f64,
+    /// Latitude below the camera, degrees.
+    pub latitude_deg: f64,
+    /// East longitude below the camera, degrees in `[0, 360)`.
+    pub longitude_deg: f64,
+    /// Depth of the pixel right and below of the image's middle, metres; absent where it has none.
+    pub center_depth_z_m: Option<f64>,
+    /// Mean over the pixels with depth, metres.
+    pub mean_depth_z_m: f64,
+    /// Nearest and farthest, metres.
+    pub depth_z_range_m: [f64; 2],
+    /// Number of pixels without depth.
+    pub num_absent: usize,
+    /// Mean depth over focal length, metres per pixel.
+    pub gsd_m: f64,
+    /// Angle between the optical axis and the local vertical, degrees.
+    pub tilt_deg: f64,
+}
+
+/// The numbers of one pair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PairNumbers {
+    /// Scene and first image, or number of the pair.
+    pub name: String,
+    /// A and B.
+    pub views: [ViewNumbers; 2],
+    /// Distance between the cameras, metres.
+    pub baseline_m: f64,
+    /// That over the mean of both altitudes above the sphere.
+    pub baseline_over_altitude: f64,
+    /// Angle of the rotation between the cameras, degrees.
+    pub relative_rotation_deg: f64,
+    /// Reprojection both ways with the camera matrices as told; absent where the views share nothing.
+    pub reprojection: Option<WarpStatistics>,
+    /// The same with principal points moved by half a pixel, as if they were measured from the first pixel's centre.
+    pub reprojection_half_pixel: Option<WarpStatistics>,
+}
+
+fn view_numbers(view: &View, body: &Body) -> Option<ViewNumbers> {
+    let position = view.world_from_cam.origin();
+    let place = body.place(&position);
+    let depths = view.depth_z.data.iter().map(|&z| if z > 0.0 { f64::from(z) } else { f64::NAN });
+    let depth = statistics::summary(depths)?;
+    let camera = view.camera;
+    Some(ViewNumbers {
+        altitude_above_sphere_m: place.height_m,
+        latitude_deg: place.lat_rad.to_degrees(),
+        longitude_deg: wrap_360_deg(place.lon_rad.to_degrees()),
+        center_depth_z_m: view.depth_at(camera.width / 2, camera.height / 2),
+        mean_depth_z_m: depth.mean,
+        depth_z_range_m: [depth.min, depth.max],
+        num_absent: depth.num_absent,
+        gsd_m: camera.gsd_m(depth.mean),
+        tilt_deg: tilt_rad(view.world_from_cam).to_degrees(),
+    })
+}
+
+/// The numbers of a pair; `None` if a view has no depth at all. Every `step`-th pixel is warped.
+pub fn pair_numbers(name: &str, a: &View, b: &View, body: &Body, step: usize) -> Option<PairNumbers> {
+    let views = [view_numbers(a, body)?, view_numbers(b, body)?];
+    let baseline_m = (b.world_from_cam.origin() - a.world_from_cam.origin()).norm();
+    let mean_altitude = 0.5 * (views[0].altitude_above_sphere_m + views[1].altitude_above_sphere_m);
+    let rotation = &b.world_from_cam.inverse() * a.world_from_cam;
+    let [moved_a, moved_b] = [a, b].map(|view| moved(view.camera, pixel::HALF_PIXEL, pixel::HALF_PIXEL));
+    Some(PairNumbers {
+        name: name.to_owned(),
+        views,
+        baseline_m,
+        baseline_over_altitude: baseline_m / mean_altitude,
+        relative_rotation_deg: rotation.rotation_angle_rad().to_degrees(),
+        reprojection: symmetric(a, b, step),
+        reprojection_half_pixel: symmetric(
+            &View { camera: &moved_a, ..*a },
+            &View { camera: &moved_b, ..*b },
+            step,
+        ),
+    })
+}
+
+/// A camera with its principal point moved, pixels.
+pub fn moved(camera: &Camera, du: f64, dv: f64) -> Camera {
+    Camera { cx: camera.cx + du, cy: camera.cy + dv, ..camera.clone() }
+}

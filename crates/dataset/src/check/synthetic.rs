@@ -1,0 +1,111 @@
+//! Views of a wavy sphere whose depth is known exactly, for the tests of the checks.
+
+use super::reprojection::View;
+use nalgebra::{Matrix4, Point2, Point3, Vector3};
+use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3, lookat, pixel};
+use selenograph_raster::Raster;
+
+/// A sphere with waves on it.
+pub struct Shape {
+    amplitude_m: f64,
+    wavelength_m: f64,
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self { amplitude_m: 400.0, wavelength_m: 9_000.0 }
+    }
+}
+
+/// A view with exact truth.
+pub struct TestView {
+    pub camera: Camera,
+    pub world_from_cam: Rigid3<BodyFixed, Cam>,
+    pub depth_z: Raster<f32>,
+}
+
+impl TestView {
+    pub fn view(&self) -> View<'_> {
+        View { camera: &self.camera, world_from_cam: &self.world_from_cam, depth_z: &self.depth_z }
+    }
+
+    pub fn range(&self) -> Raster<f32> {
+        Raster::from_fn(self.camera.width, self.camera.height, |x, y| {
+            let center = Point2::new(pixel::center_of(x), pixel::center_of(y));
+            self.camera.range_from_depth_z(&center, f64::from(self.depth_z[(x, y)])).unwrap() as f32
+        })
+    }
+
+    pub fn pose_matrix(&self) -> Matrix4<f64> {
+        let rows = self.world_from_cam.rows_3x4();
+        Matrix4::from_fn(|i, j| rows.get(i).map_or(f64::from(u8::from(j == 3)), |row| row[j]))
+    }
+}
+
+impl Shape {
+    /// Height above the ground's own surface, metres along the vertical.
+    fn clearance_m(&self, p: &Point3<f64>) -> f64 {
+        let k = std::f64::consts::TAU / self.wavelength_m;
+        let waves = (k * p.x).sin() * (k * 0.8 * p.y).cos() + 0.4 * (k * 1.7 * (p.x + p.y)).sin();
+        p.coords.norm() - Body::moon().radius_m - self.amplitude_m * waves
+    }
+
+    /// z-depth along a ray with z = 1: marched in small steps, then bisected to the last bit.
+    fn depth_z(&self, world_from_cam: &Rigid3<BodyFixed, Cam>, ray: &Vector3<f64>) -> f64 {
+        let at = |t: f64| self.clearance_m(&world_from_cam.point(&Point3::from(ray * t)));
+        let (step, far) = (200.0, 200_000.0);
+        let mut t = step;
+        while at(t) > 0.0 {
+            if t > far {
+                return f64::NAN;
+            }
+            t += step.max(0.3 * at(t));
+        }
+        let (mut low, mut high) = (0.0, t);
+        while at(low) > 0.0 && high - low > 1e-7 {
+            let middle = 0.5 * (low + high);
+            if at(middle) > 0.0 { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    /// From a place, looking `tilt_deg` off the vertical towards an azimuth, level or straight down.
+    pub fn view(
+        &self,
+        side: usize,
+        lat: f64,
+        lon: f64,
+        altitude_m: f64,
+        tilt_deg: f64,
+        azimuth_deg: f64,
+    ) -> TestView {
+        let moon = Body::moon();
+        let camera = Camera::from_fov(side, side, 45f64.to_radians()).unwrap();
+        let place = Geodetic::from_deg(lat, lon, altitude_m);
+        let down = tilt_deg.to_radians() - std::f64::consts::FRAC_PI_2;
+        let forward = moon.direction(&place, azimuth_deg.to_radians(), down);
+        let right = moon.direction(&place, (azimuth_deg + 90.0).to_radians(), 0.0);
+        let world_from_cam = lookat::from_forward_and_right(moon.point(&place), &forward, &right).unwrap();
+        let depth_z = Raster::from_fn(side, side, |x, y| {
+            let center = Point2::new(pixel::center_of(x), pixel::center_of(y));
+            self.depth_z(&world_from_cam, &camera.ray_z1(&center).unwrap()) as f32
+        });
+        TestView { camera, world_from_cam, depth_z }
+    }
+}
+
+/// Two oblique views of the same ground, some 40° apart in direction.
+pub fn oblique_pair(side: usize) -> [TestView; 2] {
+    let shape = Shape::default();
+    // 15 km of altitude at 30° look 8.7 km ahead; a degree of latitude is 30.3 km.
+    [
+        shape.view(side, -88.0, 100.0, 15_000.0, 30.0, 0.0),
+        shape.view(side, -87.9, 106.0, 18_000.0, 36.0, 320.0),
+    ]
+}
+
+/// Two views straight down, 7 % of the altitude apart along the image's x axis.
+pub fn nadir_pair(side: usize) -> [TestView; 2] {
+    let shape = Shape::default();
+    [shape.view(side, -88.0, 100.0, 15_000.0, 0.0, 0.0), shape.view(side, -88.0, 101.0, 15_000.0, 0.0, 0.0)]
+}

@@ -1,0 +1,185 @@
+use super::synthetic::{TestView, oblique_pair};
+use super::*;
+use crate::export::stereolunar::{ExportOptions, write_pair};
+use crate::import::{StereoPair, StereoView};
+use nalgebra::Matrix4;
+use selenograph_raster::Raster;
+use selenograph_raster::codec::exr::{Channel, ExrImage, SampleType};
+use selenograph_raster::codec::npz::{Array, Values};
+use selenograph_raster::codec::{exr, npz};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+const SIDE: usize = 96;
+
+fn stereo_view(view: &TestView, name: &str) -> StereoView {
+    let image = Raster::from_fn(SIDE, SIDE, |x, y| (x + y) as u8);
+    StereoView {
+        name: name.to_owned(),
+        camera: view.camera.clone(),
+        world_from_cam: view.world_from_cam,
+        depth_z: view.depth_z.clone(),
+        images: vec![image; 3],
+        slope_rad: None,
+        lit: vec![],
+    }
+}
+
+/// A folder with one clean pair of three lights.
+fn clean_folder(k_convention: PixelConvention) -> (tempfile::TempDir, [TestView; 2]) {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b] = oblique_pair(SIDE);
+    let pair = StereoPair { pair_id: 2, views: [stereo_view(&a, "a"), stereo_view(&b, "b")] };
+    let options = ExportOptions { k_convention, ..ExportOptions::default() };
+    let stems = write_pair(folder.path(), 2, &pair, &options).unwrap();
+    assert_eq!(stems[1], ["im_00014", "im_00015"]);
+    (folder, [a, b])
+}
+
+fn checked(folder: &tempfile::TempDir) -> Report {
+    check(folder.path(), &CheckOptions { step: 1, ..CheckOptions::default() }).unwrap()
+}
+
+fn has(report: &Report, severity: Severity, code: Code) -> bool {
+    report.findings.iter().any(|finding| finding.severity == severity && finding.code == code)
+}
+
+/// Rewrites the depth of one view under all lights.
+fn replace_depth(folder: &tempfile::TempDir, view: usize, depth: &Raster<f32>, stored: SampleType) {
+    for number in [12, 14, 16].map(|first| first + view) {
+        let channel = Channel { stored, ..Channel::float("Y", depth.data.clone()) };
+        let image =
+            ExrImage { width: SIDE, height: SIDE, channels: vec![channel], attributes: BTreeMap::new() };
+        std::fs::write(file(folder, number, "exr"), exr::encode(&image).unwrap()).unwrap();
+    }
+}
+
+/// Rewrites the pose of one view under all lights.
+fn replace_pose(folder: &tempfile::TempDir, view: usize, pose: &Matrix4<f64>) {
+    for number in [12, 14, 16].map(|first| first + view) {
+        let path = file(folder, number, "npz");
+        let mut arrays = npz::read(&path).unwrap();
+        let values = Values::F64(pose.transpose().as_slice().to_vec());
+        arrays.insert("cam2world".to_owned(), Array::new(&[4, 4], values));
+        std::fs::write(path, npz::encode(&arrays).unwrap()).unwrap();
+    }
+}
+
+fn file(folder: &tempfile::TempDir, number: usize, extension: &str) -> PathBuf {
+    folder.path().join(format!("im_{number:05}.{extension}"))
+}
+
+#[test]
+fn a_centre_based_export_is_clean_and_a_corner_based_one_is_told() {
+    let (folder, _) = clean_folder(PixelConvention::Center);
+    let report = checked(&folder);
+    assert!(report.is_clean(), "{report}");
+    assert_eq!((report.num_pairs, report.num_images, report.kind), (1, 6, FolderKind::Stereolunar));
+    assert_eq!(report.principal_point.as_ref().unwrap().verdict, Verdict::HalfPixelMore);
+    assert!(report.to_string().contains("centre-based"));
+    let (folder, _) = clean_folder(PixelConvention::Corner);
+    let report = checked(&folder);
+    assert!(has(&report, Severity::Warning, Code::PrincipalPoint), "{report}");
+    let warp = report.pairs[0].reprojection.unwrap();
+    assert!(warp.median_px < 0.01 && warp.p99_px < 0.2, "{warp:?}");
+    let json = serde_json::to_value(&report).unwrap();
+    assert_eq!(json["findings"][0]["code"], "principal-point");
+    assert!(json["findings"][0]["where"].is_string());
+}
+
+#[test]
+fn missing_and_truncated_files_are_found() {
+    let (folder, _) = clean_folder(PixelConvention::Center);
+    std::fs::remove_file(file(&folder, 15, "npz")).unwrap();
+    let exr = file(&folder, 12, "exr");
+    let bytes = std::fs::read(&exr).unwrap();
+    std::fs::write(&exr, &bytes[..bytes.len() / 2]).unwrap();
+    let jpg = file(&folder, 16, "jpg");
+    std::fs::write(&jpg, b"\xff\xd8\xff\xe0").unwrap();
+    let report = checked(&folder);
+    let missing = report.findings.iter().find(|f| f.code == Code::MissingFile).unwrap();
+    assert!(missing.place.ends_with("im_00015.npz"));
+    assert!(missing.hint.as_ref().unwrap().contains("im_00013.npz"), "{missing:?}");
+    let broken: Vec<_> = report.findings.iter().filter(|f| f.code == Code::BrokenFile).collect();
+    assert_eq!(broken.len(), 2, "{report}");
+    // The geometry is still read from what is whole.
+    assert_eq!(report.pairs.len(), 1);
+}
+
+#[test]
+fn a_light_with_one_view_is_found() {
+    let (folder, _) = clean_folder(PixelConvention::Center);
+    for extension in ["jpg", "exr", "npz"] {
+        std::fs::remove_file(file(&folder, 17, extension)).unwrap();
+    }
+    let report = checked(&folder);
+    assert!(report.findings.iter().any(|f| f.code == Code::MissingFile && f.place.ends_with("im_00017")));
+}
+
+#[test]
+fn range_as_z_is_found() {
+    let (folder, views) = clean_folder(PixelConvention::Center);
+    for (idx, view) in views.iter().enumerate() {
+        replace_depth(&folder, idx, &view.range(), SampleType::Float);
+    }
+    let report = checked(&folder);
+    assert!(has(&report, Severity::Error, Code::RangeAsDepth), "{report}");
+    assert!(!has(&report, Severity::Error, Code::FlippedPose), "{report}");
+}
+
+#[test]
+fn half_float_and_absent_depth_are_found() {
+    let (folder, views) = clean_folder(PixelConvention::Center);
+    let mut depth = views[0].depth_z.clone();
+    (depth.data[5], depth.data[6], depth.data[7]) = (f32::INFINITY, 0.0, f32::NAN);
+    replace_depth(&folder, 0, &depth, SampleType::Half);
+    // Stored as float, but from a half.
+    let rounded = views[1].depth_z.map(|z| f32::from_bits((z.to_bits() + 0x1000) & !0x1fff));
+    replace_depth(&folder, 1, &rounded, SampleType::Float);
+    let report = checked(&folder);
+    assert_eq!(report.findings.iter().filter(|f| f.code == Code::HalfFloatDepth).count(), 2, "{report}");
+    assert!(
+        has(&report, Severity::Error, Code::AbsentDepth) && has(&report, Severity::Info, Code::AbsentDepth)
+    );
+}
+
+#[test]
+fn flipped_and_broken_poses_are_found() {
+    let flips: [(Matrix4<f64>, bool, Code); 4] = [
+        (Matrix4::from_diagonal(&[1.0, -1.0, -1.0, 1.0].into()), false, Code::FlippedPose),
+        (Matrix4::identity(), true, Code::FlippedPose),
+        (Matrix4::from_diagonal(&[1.0, 1.0, -1.0, 1.0].into()), false, Code::NotARotation),
+        (Matrix4::from_diagonal(&[1.05, 1.0, 1.0, 1.0].into()), false, Code::NotARotation),
+    ];
+    for (flip, inverse, code) in flips {
+        let (folder, views) = clean_folder(PixelConvention::Center);
+        let right = views[1].pose_matrix();
+        let wrong = if inverse { right.try_inverse().unwrap() } else { right * flip };
+        replace_pose(&folder, 1, &wrong);
+        let report = checked(&folder);
+        assert!(has(&report, Severity::Error, code), "{flip} {report}");
+    }
+}
+
+#[test]
+fn a_pose_of_another_picture_is_inconsistent_or_shares_nothing() {
+    let (folder, views) = clean_folder(PixelConvention::Center);
+    let mut pose = views[1].pose_matrix();
+    pose[(0, 3)] += 300.0;
+    pose[(1, 3)] -= 300.0;
+    replace_pose(&folder, 1, &pose);
+    assert!(has(&checked(&folder), Severity::Error, Code::Inconsistent));
+}
+
+#[test]
+fn lights_that_differ_are_found() {
+    let (folder, _) = clean_folder(PixelConvention::Center);
+    std::fs::copy(file(&folder, 13, "npz"), file(&folder, 14, "npz")).unwrap();
+    assert!(has(&checked(&folder), Severity::Warning, Code::LightsDiffer));
+}
+
+#[test]
+fn an_empty_folder_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(check(folder.path(), &CheckOptions::default()).is_err());
+}

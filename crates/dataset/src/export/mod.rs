@@ -1,0 +1,3 @@
+//! Pairs out, in the formats of others.
+
+pub mod stereolunar;

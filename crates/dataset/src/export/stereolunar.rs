@@ -1,0 +1,223 @@
+//! The StereoLunar triplets out: `im_NNNNN.jpg`, `.exr`, `.npz` in one folder per scene, and split files.
+//!
+//! Ours differ from the public samples where those lose truth: float32 depth, float64 poses, and by default a
+//! principal point measured from the first pixel's centre, because the paper's own loader back-projects whole numbers.
+
+use crate::Error;
+use crate::import::stereolunar::{LIGHTS_PER_PAIR, SplitTable, stem};
+use crate::import::{StereoPair, StereoView, selenograph};
+use crate::pair::list_pairs;
+use crate::split::Split;
+use selenograph_geometry::PixelConvention;
+use selenograph_raster::codec::exr::{Attribute, Channel, ExrImage};
+use selenograph_raster::codec::npz::{Array, Values};
+use selenograph_raster::codec::{exr, jpeg, npz};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// How triplets are written.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExportOptions {
+    /// Where `intrinsics` has the first pixel's centre: `center` for the paper's loader, `corner` as the samples.
+    pub k_convention: PixelConvention,
+    /// Quality of the JPEG pictures.
+    pub jpeg_quality: u8,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        Self { k_convention: PixelConvention::Center, jpeg_quality: jpeg::QUALITY }
+    }
+}
+
+/// What an export has written.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct ExportSummary {
+    /// Number of pairs.
+    pub num_pairs: usize,
+    /// Number of images (triplets).
+    pub num_images: usize,
+    /// The scene folders.
+    pub scenes: Vec<String>,
+    /// The split files beside them.
+    pub split_files: Vec<String>,
+}
+
+/// Writes the triplets of one pair into a folder that exists, each file whole or not at all, and returns the stems
+/// of A and B under each light. Pair numbers above the format's three lights take further pair numbers:
+/// `pair_number` is the first one used.
+///
+/// # Errors
+/// [`Error::Io`] and [`Error::Raster`].
+pub fn write_pair(
+    folder: &Path,
+    pair_number: u64,
+    pair: &StereoPair,
+    options: &ExportOptions,
+) -> Result<Vec<[String; 2]>, Error> {
+    let num_lights = pair.views.iter().map(|view| view.images.len()).min().unwrap_or(0);
+    let geometry = [depth_and_camera(&pair.views[0], options)?, depth_and_camera(&pair.views[1], options)?];
+    let mut stems = Vec::with_capacity(num_lights);
+    for light_idx in 0..num_lights {
+        let names = [0, 1].map(|view| stem(2 * (pair_number * LIGHTS_PER_PAIR + light_idx as u64) + view));
+        for ((view, name), (depth, camera)) in pair.views.iter().zip(&names).zip(&geometry) {
+            let picture = jpeg::encode_grey_as_rgb(&view.images[light_idx], options.jpeg_quality)?;
+            for (extension, bytes) in [("jpg", &picture), ("exr", depth), ("npz", camera)] {
+                write_whole(&folder.join(format!("{name}.{extension}")), bytes)?;
+            }
+        }
+        stems.push(names);
+    }
+    Ok(stems)
+}
+
+/// The bytes of a view's `.exr` and `.npz`.
+fn depth_and_camera(view: &StereoView, options: &ExportOptions) -> Result<(Vec<u8>, Vec<u8>), Error> {
+    // The samples mark absent depth by infinity, and readers of the format look for what is not finite.
+    let samples = view.depth_z.data.iter().map(|&z| if z.is_finite() { z } else { f32::INFINITY }).collect();
+    let depth = exr::encode(&ExrImage {
+        width: view.depth_z.width,
+        height: view.depth_z.height,
+        channels: vec![Channel::float("Y", samples)],
+        attributes: BTreeMap::from([
+            ("kind".to_owned(), Attribute::Text("depth_z".to_owned())),
+            ("unit".to_owned(), Attribute::Text("m".to_owned())),
+        ]),
+    })?;
+    let k = view.camera.k(options.k_convention);
+    let mut pose: Vec<f64> = view.world_from_cam.rows_3x4().concat();
+    pose.extend([0.0, 0.0, 0.0, 1.0]);
+    let camera = npz::encode(&BTreeMap::from([
+        ("cam2world".to_owned(), Array::new(&[4, 4], Values::F64(pose))),
+        ("intrinsics".to_owned(), Array::new(&[3, 3], Values::F64(k.transpose().as_slice().to_vec()))),
+    ]))?;
+    Ok((depth, camera))
+}
+
+/// Bytes of a split file: plain arrays that `numpy.load` reads without unpickling.
+///
+/// # Errors
+/// [`Error::Raster`] if the arrays cannot be encoded.
+pub fn encode_split(table: &SplitTable) -> Result<Vec<u8>, Error> {
+    let text = |list: &[String]| Array::new(&[list.len()], Values::Text(list.to_vec()));
+    let pairs = Array::new(&[table.pairs.len(), 4], Values::I64(table.pairs.concat()));
+    let arrays = BTreeMap::from([
+        ("scenes".to_owned(), text(&table.scenes)),
+        ("images".to_owned(), text(&table.images)),
+        ("pairs".to_owned(), pairs),
+    ]);
+    Ok(npz::encode(&arrays)?)
+}
+
+/// Writes one of our datasets as triplets: `out/<trajectory>/im_NNNNN.*` and `out/all.npz`, with `train.npz` and
+/// `val.npz` where a split is given. `out` appears when it is complete; `progress` hears of each pair.
+///
+/// # Errors
+/// [`Error::TargetExists`] if `out` exists, [`Error::Format`] if the dataset has no pair, and those of reading and
+/// writing.
+pub fn export_dataset(
+    dataset: &Path,
+    out: &Path,
+    split: Option<&Split>,
+    options: &ExportOptions,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<ExportSummary, Error> {
+    if out.exists() {
+        return Err(Error::TargetExists { path: out.to_owned() });
+    }
+    let pairs = list_pairs(dataset)?;
+    if pairs.is_empty() {
+        return Err(Error::Format {
+            path: dataset.to_owned(),
+            expected: "a dataset with complete pairs".to_owned(),
+            found: "none".to_owned(),
+        });
+    }
+    let partial = partial_name(out);
+    let written = write_scenes(&pairs, &partial, split, options, &mut progress);
+    let finished = written.and_then(|summary| {
+        std::fs::rename(&partial, out).map_err(Error::io("rename to", out))?;
+        Ok(summary)
+    });
+    if finished.is_err() {
+        // The first error is the one worth telling; what stays behind has a name that says so.
+        let _ = std::fs::remove_dir_all(&partial);
+    }
+    finished
+}
+
+/// The same name with a mark that it is not finished, in the same folder so that renaming is atomic.
+fn partial_name(path: &Path) -> PathBuf {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(format!(".{name}.partial"))
+}
+
+fn write_scenes(
+    pairs: &[(u64, PathBuf)],
+    root: &Path,
+    split: Option<&Split>,
+    options: &ExportOptions,
+    progress: &mut impl FnMut(usize, usize),
+) -> Result<ExportSummary, Error> {
+    let mut tables = BTreeMap::from([("all", SplitTable::default())]);
+    if split.is_some() {
+        tables.extend([("train", SplitTable::default()), ("val", SplitTable::default())]);
+    }
+    let mut next_number: BTreeMap<String, u64> = BTreeMap::new();
+    let mut summary = ExportSummary { num_pairs: pairs.len(), ..ExportSummary::default() };
+    std::fs::create_dir_all(root).map_err(Error::io("create", root))?;
+    for (done, (pair_id, folder)) in pairs.iter().enumerate() {
+        let (pair, record) = selenograph::read_pair(folder)?;
+        let scene = record.trajectory.as_str().to_owned();
+        let scene_folder = root.join(&scene);
+        std::fs::create_dir_all(&scene_folder).map_err(Error::io("create", &scene_folder))?;
+        let number = next_number.entry(scene.clone()).or_insert(0);
+        let stems = write_pair(&scene_folder, *number, &pair, options)?;
+        *number += (stems.len() as u64).div_ceil(LIGHTS_PER_PAIR).max(1);
+        summary.num_images += 2 * stems.len();
+        let score = (100.0 * record.overlap.a_in_b.min(record.overlap.b_in_a)).round() as i64;
+        let part = split.and_then(|split| split.part_of(*pair_id));
+        for (name, table) in &mut tables {
+            if *name == "all" || part.is_some_and(|part| part.as_str() == *name) {
+                add_rows(table, &scene, &stems, score);
+            }
+        }
+        progress(done + 1, pairs.len());
+    }
+    for (name, table) in &tables {
+        write_whole(&root.join(format!("{name}.npz")), &encode_split(table)?)?;
+        summary.split_files.push(format!("{name}.npz"));
+    }
+    summary.scenes = next_number.into_keys().collect();
+    Ok(summary)
+}
+
+fn add_rows(table: &mut SplitTable, scene: &str, stems: &[[String; 2]], score: i64) {
+    let scene_idx = table.scenes.iter().position(|name| name == scene).unwrap_or_else(|| {
+        table.scenes.push(scene.to_owned());
+        table.scenes.len() - 1
+    });
+    for [a, b] in stems {
+        let first = table.images.len();
+        table.images.extend([a.clone(), b.clone()]);
+        table.pairs.push([scene_idx as i64, first as i64, first as i64 + 1, score]);
+    }
+}
+
+/// Writes beside the target, then renames: whoever looks sees the whole file or none.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let partial = partial_name(path);
+    let write = || {
+        let mut file = std::fs::File::create(&partial)?;
+        file.write_all(bytes)?;
+        file.flush()?;
+        std::fs::rename(&partial, path)
+    };
+    write().map_err(|source| {
+        let _ = std::fs::remove_file(&partial);
+        Error::Io { action: "write", path: path.to_owned(), source }
+    })
+}
