@@ -66,6 +66,22 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
+    /// The output folder holds something else, and is not emptied even by force.
+    #[error("`{}` holds `{found}`, which no dataset does", path.display())]
+    NotADataset {
+        /// The folder.
+        path: PathBuf,
+        /// What is in it.
+        found: String,
+    },
+    /// A shard that does not exist.
+    #[error("shard {shard} of {num_shards}: shards are numbered from 0, below their count")]
+    Shard {
+        /// Which was asked for.
+        shard: u64,
+        /// How many there are.
+        num_shards: u64,
+    },
     /// The output folder belongs to another campaign or plan.
     #[error("`{}` was made by another {what} (its checksum is {found}, this one's {expected})", path.display())]
     OtherCampaign {
@@ -81,6 +97,9 @@ pub enum Error {
     /// A frame or camera that does not exist.
     #[error(transparent)]
     Geometry(#[from] selenograph_geometry::Error),
+    /// A view that cannot be rendered.
+    #[error(transparent)]
+    Render(#[from] selenograph_render::Error),
     /// A picture or array that cannot be read or written.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod check;
+pub mod covisibility;
 pub mod error;
 pub mod export;
 mod font;

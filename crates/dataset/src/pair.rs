@@ -280,8 +280,8 @@ pub struct SunRecord {
     pub angular_radius_deg: f64,
 }
 
-/// How radiance became grey levels, one per image: `level = full_scale × clip(gain × (radiance_factor − offset), 0, 1)`,
-/// rounded to nearest (pair gain) or down (`min-max`, as the reference scripts do).
+/// How radiance became grey levels, one per image: `full_scale × clip(gain × radiance_factor + offset, 0, 1)`, rounded to
+/// the nearest level with 16 bits and down with 8 bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExposureRecord {
@@ -291,13 +291,13 @@ pub struct ExposureRecord {
     pub view: ViewName,
     /// `pair-gain` (both views alike) or `min-max` (each image by itself).
     pub tone: String,
-    /// Per unit of radiance factor (I/F).
+    /// Full scales per unit of radiance factor (I/F).
     pub gain: f64,
-    /// Radiance factor that becomes black.
+    /// Share of full scale at no radiance.
     pub offset: f64,
     /// Bits per grey level.
     pub bits: u8,
-    /// Share of pixels at or above full scale.
+    /// Share of pixels above full scale.
     pub saturated_share: f64,
     /// Share of the valid pixels that the Sun's centre lights.
     pub lit_share: f64,
@@ -416,6 +416,19 @@ pub fn image_name(view: ViewName, light_idx: usize) -> String {
 /// `a.l0.lit.png`.
 pub fn lit_name(view: ViewName, light_idx: usize) -> String {
     format!("{}.l{light_idx}.lit.png", view.as_str())
+}
+
+/// `a.in_b.exr`.
+pub fn correspondence_name(view: ViewName) -> String {
+    match view {
+        ViewName::A => "a.in_b.exr".into(),
+        ViewName::B => "b.in_a.exr".into(),
+    }
+}
+
+/// `a.l0.angles.exr`.
+pub fn angles_name(view: ViewName, light_idx: usize) -> String {
+    format!("{}.l{light_idx}.angles.exr", view.as_str())
 }
 
 /// `a.camera.json`.

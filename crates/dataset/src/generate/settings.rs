@@ -5,7 +5,7 @@ use crate::plan::interval::{Interval, check_number};
 use selenograph_geometry::units::sun_angular_radius_rad;
 use selenograph_render::brdf::Brdf;
 use selenograph_render::sun::SOLAR_LIMB_DARKENING;
-use selenograph_render::{Interpolation, Shadows};
+use selenograph_render::{Interpolation, Shadows, Tone};
 use serde::{Deserialize, Serialize};
 
 /// `[render]`.
@@ -48,7 +48,7 @@ impl Default for RenderSection {
 impl RenderSection {
     pub(crate) fn check(&self) -> Result<(), Error> {
         check_number("render.rays_per_pixel", self.rays_per_pixel.into(), Interval::new(1.0, 65_536.0))?;
-        check_number("render.psf_sigma_px", self.psf_sigma_px, Interval::new(0.0, 100.0))?;
+        check_number("render.psf_sigma_px", self.psf_sigma_px, Interval::new(0.0, 16.0))?;
         check_number("render.sun_angular_radius_deg", self.sun_angular_radius_deg, Interval::new(0.0, 45.0))?;
         check_number("render.limb_darkening", self.limb_darkening, Interval::new(0.0, 1.0))?;
         check_number("render.albedo", self.albedo, Interval::new(0.0, 1e3))?;
@@ -76,22 +76,33 @@ pub enum ToneKind {
 pub struct ToneSection {
     /// Which rule.
     pub kind: ToneKind,
-    /// Percentile of the lit radiance of both views that meets full scale (`pair-gain`; 99.5 by default).
+    /// Quantile of the radiance of both views that meets `level` (`pair-gain`; 0.995 by default).
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub percentile: Option<f64>,
+    pub quantile: Option<f64>,
+    /// Share of full scale that the quantile becomes (`pair-gain`; 0.9 by default).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<f64>,
     /// 8 or 16 bits per grey level.
     pub bits: u8,
 }
 
 impl Default for ToneSection {
     fn default() -> Self {
-        Self { kind: ToneKind::PairGain, percentile: None, bits: 16 }
+        Self { kind: ToneKind::PairGain, quantile: None, level: None, bits: 16 }
     }
 }
 
 impl ToneSection {
-    /// Percentile where nothing else is said.
-    pub const DEFAULT_PERCENTILE: f64 = 99.5;
+    /// The renderer's form of it.
+    pub fn tone(&self) -> Tone {
+        match (self.kind, Tone::default()) {
+            (ToneKind::PairGain, Tone::Gain { quantile, level }) => {
+                Tone::Gain { quantile: self.quantile.unwrap_or(quantile), level: self.level.unwrap_or(level) }
+            }
+            (ToneKind::PairGain, other) => other,
+            (ToneKind::MinMax, _) => Tone::MinMax,
+        }
+    }
 
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !matches!(self.bits, 8 | 16) {
@@ -101,16 +112,28 @@ impl ToneSection {
                 found: self.bits.to_string(),
             });
         }
-        match (self.kind, self.percentile) {
-            (ToneKind::MinMax, Some(_)) => Err(Error::Contradiction {
-                first: "tone.kind".into(),
-                second: "tone.percentile".into(),
-                why: "`min-max` stretches to the brightest pixel, whatever the percentile".into(),
-            }),
-            (ToneKind::PairGain, Some(percentile)) => {
-                check_number("tone.percentile", percentile, Interval::new(1.0, 100.0))
+        for (key, value) in [("tone.quantile", self.quantile), ("tone.level", self.level)] {
+            let Some(value) = value else { continue };
+            if self.kind == ToneKind::MinMax {
+                return Err(Error::Contradiction {
+                    first: "tone.kind".into(),
+                    second: key.into(),
+                    why: "`min-max` stretches from the darkest to the brightest pixel and has nothing to set"
+                        .into(),
+                });
             }
-            (_, None) => Ok(()),
+            check_number(key, value, Interval::new(1e-3, 1.0))?;
         }
+        Ok(())
     }
+}
+
+/// `[output]`: truth that takes room and is written only if asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputSection {
+    /// `a.in_b.exr`, `b.in_a.exr`: where each pixel's ground lies in the other view, and whether it is seen there.
+    pub correspondence: bool,
+    /// `a.l0.angles.exr`: incidence, emission and phase of each pixel under each Sun.
+    pub angles: bool,
 }

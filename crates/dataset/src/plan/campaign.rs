@@ -7,7 +7,7 @@ use super::sections::{
     ObliqueSection,
 };
 use crate::Error;
-use crate::generate::settings::{RenderSection, ToneSection};
+use crate::generate::settings::{OutputSection, RenderSection, ToneSection};
 use selenograph_geometry::{Camera, Distortion};
 use selenograph_render::Shadows;
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,8 @@ pub struct Campaign {
     pub render: RenderSection,
     /// How radiance becomes grey levels.
     pub tone: ToneSection,
+    /// What is written beyond pictures, depth and records.
+    pub output: OutputSection,
 }
 
 impl Default for Campaign {
@@ -66,6 +68,7 @@ impl Default for Campaign {
             lights: [(330.0, 20.0), (250.0, 20.0), (180.0, 15.0)].map(|(az, el)| Light::fixed(az, el)).into(),
             render: RenderSection::default(),
             tone: ToneSection::default(),
+            output: OutputSection::default(),
         }
     }
 }

@@ -228,7 +228,7 @@ mod tests {
                 "limits.min_lit_share",
                 "render.shadows",
             ),
-            ("nadir.pairs=1\ntone={kind=\"min-max\",percentile=99.0}", "tone.kind", "tone.percentile"),
+            ("nadir.pairs=1\ntone={kind=\"min-max\",quantile=0.9}", "tone.kind", "tone.quantile"),
             ("[dynamic]\npairs=1\ncone_deg=[1.0,2.0]", "dynamic.cone_deg", "dynamic.cone_weights"),
         ];
         for (text, first, second) in cases {

@@ -1,0 +1,154 @@
+//! One planned pair rendered in memory: truth of both views, radiance under every Sun, what the views share.
+
+use super::settings::RenderSection;
+use crate::Error;
+use crate::covisibility::{self, Sight};
+use crate::pair::{OverlapRecord, ViewName};
+use crate::plan::{Campaign, PlacedPair, Refusal, Row};
+use crate::rng::rng;
+use selenograph_geometry::Body;
+use selenograph_raster::Raster;
+use selenograph_render::{
+    Albedo, Error as RenderError, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
+};
+
+/// Every so-manieth pixel along each axis decides the overlap (16 384 of a 512 × 512 picture: ±0.4 % at most).
+const OVERLAP_STRIDE: usize = 4;
+
+/// A rendered view.
+pub struct SceneView {
+    /// Which.
+    pub name: ViewName,
+    /// Camera and pose.
+    pub view: View,
+    /// Geometry of each pixel.
+    pub truth: Truth,
+    /// Per Sun: radiance factor.
+    pub radiance: Vec<Raster<f32>>,
+    /// Per Sun: angles and lit mask.
+    pub light: Vec<LightMaps>,
+    /// Where each pixel's ground is in the other view: all of them, or every few.
+    pub sights: Vec<Sight>,
+}
+
+/// A rendered pair.
+pub struct Scene {
+    /// Its number.
+    pub pair_id: u64,
+    /// A and B.
+    pub views: [SceneView; 2],
+    /// The Suns.
+    pub suns: Vec<Sun>,
+    /// Overlap both ways.
+    pub overlap: OverlapRecord,
+    /// Rays that were cast, as far as they can be counted beforehand.
+    pub num_rays: u64,
+}
+
+/// The Suns of a pair as the renderer has them.
+///
+/// # Errors
+/// [`Error::Render`] for a direction that is none.
+pub fn suns(body: &Body, placed: &PlacedPair, settings: &RenderSection) -> Result<Vec<Sun>, Error> {
+    let sun = |angles: &crate::plan::SunAngles| {
+        let mut sun = Sun::from_vector(angles.direction(body, &placed.site))?;
+        sun.angular_radius_rad = settings.sun_angular_radius_deg.to_radians();
+        sun.limb_darkening = settings.limb_darkening;
+        Ok(sun)
+    };
+    placed.suns.iter().map(sun).collect()
+}
+
+/// Why a pair that the plan holds was not rendered.
+pub enum Outcome {
+    /// It was.
+    Rendered(Box<Scene>),
+    /// A full-size picture shows what the plan's coarse probe missed.
+    Refused(Refusal),
+}
+
+/// Renders a pair.
+///
+/// # Errors
+/// [`Error::Render`] for settings that no picture can be made with.
+pub fn render(
+    campaign: &Campaign,
+    tracer: &Tracer<'_>,
+    row: &Row,
+    placed: &PlacedPair,
+) -> Result<Outcome, Error> {
+    let suns = suns(&tracer.terrain().body, placed, &campaign.render)?;
+    let views = placed.views();
+    let mut truths = Vec::with_capacity(2);
+    for view in &views {
+        let truth = match Truth::cast(tracer, view) {
+            Err(RenderError::CameraBelowGround { .. }) => return Ok(Outcome::Refused(Refusal::BelowGround)),
+            other => other?,
+        };
+        if let Some(refusal) = refused(campaign, view, &truth) {
+            return Ok(Outcome::Refused(refusal));
+        }
+        truths.push(truth);
+    }
+    let stride = if campaign.output.correspondence { 1 } else { OVERLAP_STRIDE };
+    let sights = [(0, 1), (1, 0)].map(|(from, to)| {
+        covisibility::correspondence(tracer, &views[from], &truths[from], &views[to], stride)
+    });
+    let overlap = covisibility::overlap(&sights[0], &sights[1]);
+    let mut made = Vec::with_capacity(2);
+    for (((name, view), truth), sights) in ViewName::BOTH.into_iter().zip(views).zip(truths).zip(sights) {
+        let settings = radiance_settings(campaign, row.pair_id, name);
+        let pictures = radiance(tracer, &view, &truth, &suns, &settings)?;
+        let light = suns
+            .iter()
+            .map(|sun| LightMaps::cast(tracer, &view, &truth, sun, campaign.render.shadows))
+            .collect();
+        made.push(SceneView { name, view, truth, radiance: pictures, light, sights });
+    }
+    let num_rays = count_rays(campaign, &made, suns.len());
+    let Ok(views) = <[SceneView; 2]>::try_from(made) else { unreachable!("two views were made") };
+    Ok(Outcome::Rendered(Box::new(Scene { pair_id: row.pair_id, views, suns, overlap, num_rays })))
+}
+
+/// The settings of a view's pictures; its rays are its own.
+fn radiance_settings(campaign: &Campaign, pair_id: u64, name: ViewName) -> RadianceSettings {
+    let RenderSection { rays_per_pixel, psf_sigma_px, shadows, albedo, brdf, .. } = campaign.render;
+    let purpose = match name {
+        ViewName::A => "rays a",
+        ViewName::B => "rays b",
+    };
+    RadianceSettings {
+        rays_per_pixel,
+        psf_sigma_px,
+        shadows,
+        brdf,
+        albedo: Albedo::Constant(albedo),
+        seed: rng(campaign.seed, "pair", pair_id, purpose).next_u64(),
+        ..RadianceSettings::default()
+    }
+}
+
+/// The limits of the campaign, pixel by pixel.
+fn refused(campaign: &Campaign, view: &View, truth: &Truth) -> Option<Refusal> {
+    if truth.num_absent > 0 {
+        return Some(Refusal::TerrainAbsent);
+    }
+    if truth.num_sky > 0 {
+        return Some(Refusal::Sky);
+    }
+    let limits = &campaign.limits;
+    let is_coarse =
+        |n: &usize| f64::from(truth.cell_m[*n]) > limits.coarse_factor * truth.depth_z[*n] / view.camera.fx;
+    let num_coarse = (0..truth.depth_z.len()).filter(is_coarse).count();
+    (num_coarse as f64 > limits.max_coarse_share * truth.depth_z.len() as f64).then_some(Refusal::Coarse)
+}
+
+/// Camera rays, and one ray to each Sun from each of their hits where shadows are cast.
+fn count_rays(campaign: &Campaign, views: &[SceneView], num_suns: usize) -> u64 {
+    let to_suns = match campaign.render.shadows {
+        Shadows::Cast => num_suns as u64,
+        Shadows::Attached => 0,
+    };
+    let per_pixel = (1 + u64::from(campaign.render.rays_per_pixel)) * (1 + to_suns);
+    views.iter().map(|v| v.truth.depth_z.len() as u64 * per_pixel + v.sights.len() as u64).sum()
+}

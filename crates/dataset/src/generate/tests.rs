@@ -1,0 +1,231 @@
+use super::*;
+use crate::covisibility::warp_errors_px;
+use crate::pair::{
+    CameraRecord, PairRecord, ViewName, camera_name, image_name, list_pairs, pair_folder, read_json,
+    truth_name,
+};
+use crate::plan::Planner;
+use crate::test_terrain::wide;
+use selenograph_raster::codec::{Picture, exr, png};
+use selenograph_raster::statistics::quantiles;
+use selenograph_render::{Interpolation, View};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+fn campaign() -> Campaign {
+    let mut campaign = Campaign::preset("paper-iccv2025").unwrap();
+    (campaign.nadir.pairs, campaign.oblique.pairs, campaign.dynamic.pairs) = (1, 2, 1);
+    (campaign.camera.width_px, campaign.camera.height_px) = (48, 40);
+    campaign.limits.max_coarse_share = 1.0;
+    campaign.limits.probe_rays = 8;
+    campaign.render.rays_per_pixel = 16;
+    campaign.lights.truncate(2);
+    campaign
+}
+
+fn tracer() -> Tracer<'static> {
+    Tracer::new(wide(), Interpolation::Bilinear)
+}
+
+fn planned(campaign: &Campaign) -> Plan {
+    Planner::new(campaign, &tracer()).unwrap().plan(&|_| ())
+}
+
+fn options(target: &Path, existing: Existing) -> Options {
+    Options {
+        target: target.into(),
+        existing,
+        started: Some("2026-01-02T03:04:05Z".into()),
+        inputs: BTreeMap::from([("terrain".into(), "abc".into())]),
+        ..Options::default()
+    }
+}
+
+fn run_all(campaign: &Campaign, plan: &Plan, options: &Options) -> Result<Report, Error> {
+    generate(campaign, plan, &tracer(), options, &|_| ())
+}
+
+/// Every file below a folder with its bytes.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(contents(&path));
+        } else {
+            found.insert(path.clone(), fs::read(&path).unwrap());
+        }
+    }
+    found
+}
+
+fn stored_view(folder: &Path, name: ViewName) -> (View, Vec<f32>, CameraRecord) {
+    let record: CameraRecord = read_json(&folder.join(camera_name(name))).unwrap();
+    let image = exr::read(&folder.join(truth_name(name))).unwrap();
+    let depth = image.channel("depth_z").unwrap().samples.clone();
+    (View { camera: record.camera().unwrap(), world_from_cam: record.world_from_cam() }, depth, record)
+}
+
+#[test]
+fn a_dataset_has_all_its_files_and_they_agree_with_the_terrain() {
+    let target = tempfile::tempdir().unwrap();
+    let mut campaign = campaign();
+    campaign.output = settings::OutputSection { correspondence: true, angles: true };
+    let plan = planned(&campaign);
+    let last = AtomicU64::new(0);
+    let report = generate(&campaign, &plan, &tracer(), &options(target.path(), Existing::Refuse), &|p| {
+        last.store(p.num_done, Ordering::Relaxed);
+    })
+    .unwrap();
+    assert_eq!((report.num_done, report.skipped.len()), (4, 0));
+    assert_eq!(last.load(Ordering::Relaxed), 4);
+    assert!(report.num_rays > 4 * 2 * 48 * 40 * 17);
+    let pairs = list_pairs(target.path()).unwrap();
+    assert_eq!(pairs.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [0, 1, 2, 3]);
+    for (id, folder) in pairs {
+        let record: PairRecord = read_json(&folder.join("pair.json")).unwrap();
+        assert_eq!(record.pair_id, id);
+        // Two views of: depth, correspondence, camera, and per light: picture, lit mask, angles.
+        assert_eq!(record.files.len(), 2 * (3 + 2 * 3));
+        for (name, sum) in &record.files {
+            assert_eq!(blake3::hash(&fs::read(folder.join(name)).unwrap()).to_hex().as_str(), sum);
+        }
+        let (a, depth, camera) = stored_view(&folder, ViewName::A);
+        let (b, ..) = stored_view(&folder, ViewName::B);
+        assert_eq!(camera.valid_share, 1.0);
+        let gsd = camera.gsd_m.unwrap() * 48.0 / (2.0 * 22.5f64.to_radians().tan());
+        assert!(gsd / camera.altitude_over_terrain_m.unwrap() > 0.6, "{gsd}");
+        let [median, p99] = quantiles(warp_errors_px(&tracer(), &a, &depth, &b, 1), [0.5, 0.99]).unwrap();
+        assert!(median < 0.002 && p99 < 0.05, "{median} {p99}");
+        assert!(record.overlap.a_in_b >= record.overlap.a_seen_by_b && record.overlap.a_seen_by_b > 0.2);
+        // One gain for both views of a light.
+        for pair in record.exposures.chunks(2) {
+            assert_eq!((pair[0].gain, pair[0].light_idx), (pair[1].gain, pair[1].light_idx));
+        }
+        let Picture::Grey16(picture) = png::read(&folder.join(image_name(ViewName::A, 0))).unwrap() else {
+            panic!("16 bits were asked for");
+        };
+        assert!(picture.data.iter().max() > Some(&30_000));
+    }
+    let run = fs::read_to_string(target.path().join("run.toml")).unwrap();
+    for wanted in
+        ["started = \"2026-01-02T03:04:05Z\"", "num_done = 4", "terrain = \"abc\"", "[settings.nadir]"]
+    {
+        assert!(run.contains(wanted), "{wanted}\n{run}");
+    }
+    let again =
+        Campaign::from_toml(&fs::read_to_string(target.path().join("campaign.toml")).unwrap()).unwrap();
+    assert_eq!(again, campaign);
+    assert_eq!(Plan::read(&target.path().join("plan.csv")).unwrap(), plan);
+}
+
+#[test]
+fn a_killed_run_goes_on_and_shards_make_the_same_pairs() {
+    let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let campaign = campaign();
+    let plan = planned(&campaign);
+    run_all(&campaign, &plan, &options(whole.path(), Existing::Refuse)).unwrap();
+    // Shard by shard into one folder; between them a kill leaves one pair missing and one half written.
+    for index in 0..2 {
+        let shard = Shard { index, count: 2 };
+        let report =
+            run_all(&campaign, &plan, &Options { shard, ..options(broken.path(), Existing::Refuse) })
+                .unwrap();
+        assert_eq!(report.num_done, 2);
+    }
+    fs::remove_dir_all(pair_folder(broken.path(), 2)).unwrap();
+    let half = broken.path().join("pairs/000/.unfinished-2");
+    fs::create_dir_all(&half).unwrap();
+    fs::write(half.join("a.l0.png"), b"half").unwrap();
+    assert_eq!(list_pairs(broken.path()).unwrap().len(), 3);
+    let report = run_all(&campaign, &plan, &options(broken.path(), Existing::Resume)).unwrap();
+    assert_eq!((report.num_done, report.num_resumed), (1, 3));
+    assert!(!half.exists());
+    let strip = |root: &Path| {
+        let all = contents(&root.join("pairs"));
+        all.into_iter()
+            .map(|(p, b)| (p.strip_prefix(root).unwrap().to_path_buf(), b))
+            .collect::<BTreeMap<_, _>>()
+    };
+    assert!(strip(whole.path()) == strip(broken.path()), "the same bytes, however they were made");
+    // Nothing to do is done at once.
+    let report = run_all(&campaign, &plan, &options(broken.path(), Existing::Resume)).unwrap();
+    assert_eq!((report.num_done, report.num_resumed, report.num_rays), (0, 4, 0));
+}
+
+#[test]
+fn targets_are_refused_before_anything_is_written() {
+    let target = tempfile::tempdir().unwrap();
+    let mut campaign = campaign();
+    (campaign.oblique.pairs, campaign.dynamic.pairs) = (0, 0);
+    let plan = planned(&campaign);
+    let at = |existing| options(target.path(), existing);
+    run_all(&campaign, &plan, &at(Existing::Refuse)).unwrap();
+    let before = contents(target.path());
+    assert!(matches!(run_all(&campaign, &plan, &at(Existing::Refuse)), Err(Error::TargetExists { .. })));
+    let other = Campaign { seed: 1, ..campaign.clone() };
+    let refused = run_all(&other, &planned(&other), &at(Existing::Resume));
+    assert!(matches!(refused, Err(Error::OtherCampaign { what: "campaign", .. })), "{refused:?}");
+    let refused = run_all(&campaign, &planned(&other), &at(Existing::Resume));
+    assert!(matches!(refused, Err(Error::OtherCampaign { what: "plan", .. })), "{refused:?}");
+    let shard = Options { shard: Shard { index: 3, count: 3 }, ..at(Existing::Resume) };
+    assert!(matches!(run_all(&campaign, &plan, &shard), Err(Error::Shard { .. })));
+    assert_eq!(contents(target.path()), before);
+    // Force replaces a dataset, and nothing but a dataset.
+    fs::write(target.path().join("thesis.tex"), b"years of work").unwrap();
+    assert!(matches!(run_all(&other, &plan, &at(Existing::Replace)), Err(Error::NotADataset { .. })));
+    assert_eq!(contents(target.path()).len(), before.len() + 1);
+    fs::remove_file(target.path().join("thesis.tex")).unwrap();
+    run_all(&other, &planned(&other), &at(Existing::Replace)).unwrap();
+    assert_ne!(contents(target.path()), before);
+    // A file where the folder should be.
+    let file = target.path().join("file");
+    fs::write(&file, b"").unwrap();
+    let refused = run_all(&campaign, &plan, &options(&file, Existing::Refuse));
+    assert!(matches!(refused, Err(Error::Io { .. })), "{refused:?}");
+}
+
+#[test]
+fn what_cannot_be_written_is_one_error_and_leaves_whole_pairs() {
+    let target = tempfile::tempdir().unwrap();
+    let campaign = campaign();
+    let plan = planned(&campaign);
+    // A file stands where pair 2 belongs, as a full disk would: the rename fails.
+    fs::create_dir_all(target.path().join("pairs/000")).unwrap();
+    fs::write(pair_folder(target.path(), 2), b"in the way").unwrap();
+    let refused = run_all(&campaign, &plan, &options(target.path(), Existing::Resume));
+    assert!(matches!(refused, Err(Error::Io { action: "write", .. })), "{refused:?}");
+    let left: Vec<u64> = list_pairs(target.path()).unwrap().into_iter().map(|(id, _)| id).collect();
+    assert_eq!(left, [0, 1]);
+    assert!(contents(target.path()).keys().all(|p| !p.to_string_lossy().contains(".unfinished")));
+    fs::remove_file(pair_folder(target.path(), 2)).unwrap();
+    assert_eq!(run_all(&campaign, &plan, &options(target.path(), Existing::Resume)).unwrap().num_done, 2);
+}
+
+#[test]
+fn skips_and_dark_suns_are_told() {
+    let target = tempfile::tempdir().unwrap();
+    let mut campaign = campaign();
+    (campaign.oblique.pairs, campaign.dynamic.pairs) = (0, 0);
+    campaign.lights = vec![crate::plan::Light::fixed(10.0, -5.0)];
+    campaign.tone = settings::ToneSection { kind: settings::ToneKind::MinMax, bits: 8, ..Default::default() };
+    let mut plan = planned(&campaign);
+    let mut lost = plan.rows[0].clone();
+    lost.pair_id = 7;
+    lost.placed = None;
+    lost.attempts = 50;
+    lost.refusals = BTreeMap::from([(crate::plan::Refusal::Sky, 50)]);
+    plan.rows.push(lost);
+    let report = run_all(&campaign, &plan, &options(target.path(), Existing::Refuse)).unwrap();
+    assert_eq!(report.num_done, 1);
+    assert_eq!(report.skipped[0].reason, "no place in 50 attempts (sky 50)");
+    assert!(report.warnings[0].contains("5.00° below the horizon"), "{:?}", report.warnings);
+    let folder = pair_folder(target.path(), 0);
+    let Picture::Grey8(picture) = png::read(&folder.join(image_name(ViewName::A, 0))).unwrap() else {
+        panic!("8 bits were asked for");
+    };
+    assert!(picture.data.iter().all(|level| *level == 0));
+    let record: PairRecord = read_json(&folder.join("pair.json")).unwrap();
+    assert_eq!(record.exposures[0].lit_share, 0.0);
+}
