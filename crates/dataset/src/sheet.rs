@@ -135,7 +135,7 @@ pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
         entries.iter().map(|entry| thumbnails(&entry.pair, thumbnail_px)).collect();
     let num_columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let row_px = thumbnail_px + font::LINE_PX + 2 * MARGIN_PX;
-    let head_px = font::LINE_PX + MARGIN_PX;
+    let head_px = font::LINE_PX + 2 * MARGIN_PX;
     let width = MARGIN_PX + num_columns * (thumbnail_px + MARGIN_PX);
     let mut page = Raster::filled(width, head_px + rows.len() * row_px + MARGIN_PX, PAPER);
     for (row_idx, (entry, row)) in entries.iter().zip(&rows).enumerate() {
@@ -186,9 +186,10 @@ fn thumbnails(pair: &StereoPair, side: usize) -> Vec<(String, Raster<[u8; 3]>)> 
             row.push((format!("light {light_idx} {letter}"), Colormap::Grey.paint(&small, 0.0, 255.0)));
         }
     }
-    let depths = || both().into_iter().flat_map(|(view, _)| &view.depth_z.data).map(|&z| f64::from(z));
-    let [near, far] = statistics::quantiles(depths(), [0.005, 0.995]).unwrap_or([0.0, 1.0]);
     for (view, letter) in both() {
+        // Each view by itself: beside a far one, a near one would be a single colour.
+        let depths = view.depth_z.data.iter().map(|&z| f64::from(z));
+        let [near, far] = statistics::quantiles(depths, [0.005, 0.995]).unwrap_or([0.0, 1.0]);
         let small = fitted(&view.depth_z, side);
         row.push((format!("depth {letter}"), Colormap::Viridis.paint(&small, near, far)));
     }
@@ -276,7 +277,7 @@ mod tests {
         let page = page(&[entry(), entry()], 32);
         // Two lights, depth, slope and lit of two views: ten columns.
         assert_eq!(page.width, 4 + 10 * 36);
-        assert_eq!(page.height, 12 + 2 * 48 + 4);
+        assert_eq!(page.height, 16 + 2 * 48 + 4);
         assert!(page.data.iter().filter(|p| **p == INK).count() > 200);
     }
 

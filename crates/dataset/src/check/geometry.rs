@@ -47,7 +47,7 @@ pub fn check_depth(raw: &RawView, place: &str, absent_is: f32) -> Vec<Finding> {
         add(Severity::Warning, Code::HalfFloatDepth, message, Some(hint.to_owned()));
     }
     let same = |z: f32| if absent_is.is_nan() { z.is_nan() } else { z.to_bits() == absent_is.to_bits() };
-    let num_wrong = depths().filter(|z| !(z.is_finite() && *z > 0.0) && !same(*z)).count();
+    let num_wrong = depths().filter(|z| !same(*z) && (!z.is_finite() || *z <= 0.0)).count();
     if num_wrong > 0 {
         let message = format!(
             "{num_wrong} depths are zero, negative or not finite in another way than {absent_is}, which marks absent \

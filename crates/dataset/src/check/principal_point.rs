@@ -89,7 +89,7 @@ pub fn evidence(a: &View, b: &View, step: usize) -> Option<Evidence> {
         let normal = linearised(a, b, &offset, step)?;
         offset += normal.information.try_inverse()? * normal.pull;
         // Beyond a few pixels it is another fault than a convention.
-        if !(offset.norm() < 8.0) {
+        if !offset.norm().is_finite() || offset.norm() > 8.0 {
             return None;
         }
         found = Some(Evidence { pull: normal.information * offset, ..normal });

@@ -1,7 +1,7 @@
 //! What a check found, for programs (serde) and for people (`Display`).
 
 use super::numbers::PairNumbers;
-use super::principal_point::PrincipalPoint;
+use super::principal_point::{PrincipalPoint, Verdict};
 use serde::Serialize;
 use std::fmt;
 
@@ -144,7 +144,9 @@ impl fmt::Display for Report {
         if let Some(point) = &self.principal_point {
             writeln!(f, "principal point: {point}")?;
         }
-        write_table(f, &self.pairs)?;
+        let half_pixel =
+            self.principal_point.as_ref().is_some_and(|point| point.verdict == Verdict::HalfPixelMore);
+        write_table(f, &self.pairs, half_pixel)?;
         let mut shown = 0;
         let mut last = None;
         for (idx, finding) in self.findings.iter().enumerate() {
@@ -171,7 +173,8 @@ impl fmt::Display for Report {
     }
 }
 
-fn write_table(f: &mut fmt::Formatter<'_>, pairs: &[PairNumbers]) -> fmt::Result {
+/// One line per pair; `half_pixel`: reprojected with the principal points half a pixel farther, where they really are.
+fn write_table(f: &mut fmt::Formatter<'_>, pairs: &[PairNumbers], half_pixel: bool) -> fmt::Result {
     if pairs.is_empty() {
         return Ok(());
     }
@@ -196,7 +199,7 @@ fn write_table(f: &mut fmt::Formatter<'_>, pairs: &[PairNumbers]) -> fmt::Result
             a.tilt_deg,
             b.tilt_deg
         )?;
-        match &pair.reprojection {
+        match if half_pixel { &pair.reprojection_half_pixel } else { &pair.reprojection } {
             Some(r) => writeln!(
                 f,
                 "{:>5.2}/{:<5.2} {:>8.1e} ({:>5.2}%) {:>9.4}",

@@ -10,7 +10,11 @@ fn shared() -> PathBuf {
         |root| {
             let root = PathBuf::from(root);
             // Relative to the workspace's root, wherever the test runs.
-            if root.is_absolute() { root } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(root) }
+            if root.is_absolute() {
+                root
+            } else {
+                Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(root)
+            }
         },
     )
 }
@@ -149,11 +153,20 @@ fn shared_samples_are_half_float_and_corner_based_where_geometry_tells() {
         let point = report.principal_point.as_ref().unwrap();
         let told = point.verdict;
         println!("{folder}: {point}, separation {:.1} sigma", point.separation_sigma);
-        let expected: &[Verdict] =
-            if folder.starts_with("nadir") { &[Verdict::CannotTell, Verdict::AsTold] } else { &[Verdict::AsTold] };
+        let expected: &[Verdict] = if folder.starts_with("nadir") {
+            &[Verdict::CannotTell, Verdict::AsTold]
+        } else {
+            &[Verdict::AsTold]
+        };
         assert!(expected.contains(&told), "{folder}: {point:?}");
         assert!(report.findings.iter().any(|finding| finding.code == Code::HalfFloatDepth), "{report}");
-        let wrong = [Code::RangeAsDepth, Code::FlippedPose, Code::NotARotation, Code::Inconsistent, Code::LightsDiffer];
+        let wrong = [
+            Code::RangeAsDepth,
+            Code::FlippedPose,
+            Code::NotARotation,
+            Code::Inconsistent,
+            Code::LightsDiffer,
+        ];
         assert!(!report.findings.iter().any(|finding| wrong.contains(&finding.code)), "{report}");
         assert!(report.findings.iter().all(|f| f.severity < Severity::Error || f.code == Code::MissingFile));
     }

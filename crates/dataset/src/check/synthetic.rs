@@ -1,9 +1,17 @@
 //! Views of a wavy sphere whose depth is known exactly, for the tests of the checks.
 
 use super::reprojection::View;
+use crate::pair::{
+    self, CameraRecord, OverlapRecord, PairRecord, PlaceRecord, RelativeGeometry, SunRecord, Trajectory,
+    ViewMeasures, ViewName,
+};
 use nalgebra::{Matrix4, Point2, Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3, lookat, pixel};
 use selenograph_raster::Raster;
+use selenograph_raster::codec::exr::{Channel, ExrImage};
+use selenograph_raster::codec::{exr, png};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// A sphere with waves on it.
 pub struct Shape {
@@ -108,4 +116,68 @@ pub fn oblique_pair(side: usize) -> [TestView; 2] {
 pub fn nadir_pair(side: usize) -> [TestView; 2] {
     let shape = Shape::default();
     [shape.view(side, -88.0, 100.0, 15_000.0, 0.0, 0.0), shape.view(side, -88.0, 101.0, 15_000.0, 0.0, 0.0)]
+}
+
+/// Writes a pair in our own layout with two lights, and returns its folder.
+pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathBuf {
+    let folder = pair::pair_folder(root, pair_id);
+    std::fs::create_dir_all(&folder).unwrap();
+    let body = Body::moon();
+    let mut files = BTreeMap::new();
+    let mut write = |name: String, bytes: Vec<u8>| {
+        files.insert(name.clone(), blake3::hash(&bytes).to_hex().to_string());
+        std::fs::write(folder.join(name), bytes).unwrap();
+    };
+    for (view, name) in views.iter().zip(ViewName::BOTH) {
+        let camera =
+            CameraRecord::new(name, &body, &view.camera, &view.world_from_cam, 0.01, ViewMeasures::default());
+        write(pair::camera_name(name), pair::json_text(&camera, &folder).unwrap().into_bytes());
+        let (width, height) = (view.camera.width, view.camera.height);
+        let truth = ExrImage {
+            width,
+            height,
+            channels: vec![
+                Channel::float("depth_z", view.depth_z.data.clone()),
+                Channel::float("slope", vec![0.1; width * height]),
+            ],
+            attributes: BTreeMap::new(),
+        };
+        write(pair::truth_name(name), exr::encode(&truth).unwrap());
+        for light_idx in 0..2 {
+            let deep = Raster::from_fn(width, height, |x, y| (500 * (x + y)) as u16);
+            write(pair::image_name(name, light_idx), png::encode_grey16(&deep).unwrap());
+            let lit = Raster::from_fn(width, height, |x, _| if x % 9 > light_idx { 255 } else { 0 });
+            write(pair::lit_name(name, light_idx), png::encode_grey8(&lit).unwrap());
+        }
+    }
+    let [a, b] = views;
+    let site = Geodetic::from_deg(-87.7, 100.0, 0.0);
+    let relative = RelativeGeometry::new(&body, &site, &a.world_from_cam, &b.world_from_cam);
+    let sun = SunRecord {
+        azimuth_deg: 10.0,
+        elevation_deg: 15.0,
+        direction: [1.0, 0.0, 0.0],
+        angular_radius_deg: 0.27,
+    };
+    let record = PairRecord {
+        format: pair::PAIR_FORMAT.into(),
+        version: pair::RECORD_VERSION,
+        pair_id,
+        trajectory: Trajectory::Oblique,
+        body,
+        site: PlaceRecord::from_place(&site),
+        baseline_vector_m: relative.baseline_vector_m.into(),
+        baseline_m: relative.baseline_vector_m.norm(),
+        baseline_over_height: relative.baseline_over_height,
+        altitude_ratio: relative.altitude_ratio,
+        cam_b_from_cam_a: relative.cam_b_from_cam_a.rows_3x4(),
+        relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
+        convergence_deg: relative.convergence_rad.to_degrees(),
+        suns: vec![sun; 2],
+        exposures: vec![],
+        overlap: OverlapRecord { a_in_b: 0.7, b_in_a: 0.6, a_seen_by_b: 0.7, b_seen_by_a: 0.6 },
+        files,
+    };
+    std::fs::write(folder.join(pair::PAIR_NAME), pair::json_text(&record, &folder).unwrap()).unwrap();
+    folder
 }

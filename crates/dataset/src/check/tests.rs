@@ -1,4 +1,4 @@
-use super::synthetic::{TestView, oblique_pair};
+use super::synthetic::{TestView, oblique_pair, write_own_pair};
 use super::*;
 use crate::export::stereolunar::{ExportOptions, write_pair};
 use crate::import::{StereoPair, StereoView};
@@ -10,7 +10,7 @@ use selenograph_raster::codec::{exr, npz};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-const SIDE: usize = 96;
+const SIDE: usize = 72;
 
 fn stereo_view(view: &TestView, name: &str) -> StereoView {
     let image = Raster::from_fn(SIDE, SIDE, |x, y| (x + y) as u8);
@@ -182,4 +182,40 @@ fn lights_that_differ_are_found() {
 fn an_empty_folder_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     assert!(check(folder.path(), &CheckOptions::default()).is_err());
+}
+
+#[test]
+fn our_own_pairs_are_clean_until_a_file_changes() {
+    let root = tempfile::tempdir().unwrap();
+    let views = oblique_pair(SIDE);
+    let folder = write_own_pair(root.path(), 7, &views);
+    let report = checked(&root);
+    assert!(report.findings.is_empty(), "{report}");
+    assert_eq!((report.kind, report.num_images), (FolderKind::Selenograph, 4));
+    let image = folder.join("a.l1.png");
+    let bytes = std::fs::read(&image).unwrap();
+    std::fs::write(&image, &bytes[..40]).unwrap();
+    std::fs::remove_file(folder.join("b.depth_z.exr")).unwrap();
+    let report = checked(&root);
+    assert!(
+        report.findings.iter().any(|f| f.code == Code::ChangedFile && f.place.ends_with("a.l1.png")),
+        "{report}"
+    );
+    assert!(
+        report.findings.iter().any(|f| f.code == Code::MissingFile && f.place.ends_with("b.depth_z.exr"))
+    );
+    std::fs::write(folder.join("pair.json"), "{").unwrap();
+    assert!(has(&checked(&root), Severity::Error, Code::BrokenFile));
+}
+
+#[test]
+fn our_own_records_have_to_keep_their_convention() {
+    let root = tempfile::tempdir().unwrap();
+    let mut views = oblique_pair(SIDE);
+    for view in &mut views {
+        let half = selenograph_geometry::pixel::HALF_PIXEL;
+        view.camera = numbers::moved(&view.camera, -half, -half);
+    }
+    write_own_pair(root.path(), 0, &views);
+    assert!(has(&checked(&root), Severity::Error, Code::PrincipalPoint));
 }

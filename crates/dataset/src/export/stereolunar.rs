@@ -221,3 +221,69 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
         Error::Io { action: "write", path: path.to_owned(), source }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::synthetic::{oblique_pair, write_own_pair};
+    use crate::import::stereolunar::{read_camera, read_depth, read_image, read_split};
+    use crate::split::{Footprint, SplitOptions, footprints};
+
+    #[test]
+    fn a_dataset_comes_out_as_triplets_and_split_files() {
+        let root = tempfile::tempdir().unwrap();
+        let views = oblique_pair(32);
+        for pair_id in 0..3 {
+            write_own_pair(root.path(), pair_id, &views);
+        }
+        let found: Vec<Footprint> = footprints(root.path()).unwrap();
+        assert!(found.len() == 3 && found[0].bounds_m[0] < found[0].bounds_m[2], "{found:?}");
+        let split = Split {
+            options: SplitOptions::default(),
+            cell_m: 1.0,
+            train: vec![0],
+            val: vec![2],
+            left_out: vec![1],
+        };
+        let out = root.path().join("out");
+        let mut told = 0;
+        let summary =
+            export_dataset(root.path(), &out, Some(&split), &ExportOptions::default(), |done, _| told = done)
+                .unwrap();
+        assert_eq!((summary.num_pairs, summary.num_images, told), (3, 12, 3));
+        assert_eq!(summary.split_files, ["all.npz", "train.npz", "val.npz"]);
+        let val = read_split(&out.join("val.npz")).unwrap();
+        assert_eq!(val.scenes, ["oblique"]);
+        assert_eq!(val.images, ["im_00012", "im_00013", "im_00014", "im_00015"]);
+        assert_eq!(val.pairs, [[0, 0, 1, 60], [0, 2, 3, 60]]);
+        let scene = out.join("oblique");
+        let (k, pose) = read_camera(&scene.join("im_00001.npz")).unwrap();
+        assert_eq!((k[(0, 2)], k[(1, 2)]), (15.5, 15.5));
+        // float64 to the last bit, through our own record's quaternion.
+        assert!((pose - views[1].pose_matrix()).amax() < 1e-9);
+        let (depth, stored) = read_depth(&scene.join("im_00001.exr")).unwrap();
+        assert_eq!((stored, &depth), (exr::SampleType::Float, &views[1].depth_z));
+        let image = read_image(&scene.join("im_00000.jpg"), 32, 32).unwrap();
+        // 500·(x + y) of 65 535 as 8 bits, less what JPEG loses.
+        assert!(image[(16, 16)].abs_diff(62) <= 3);
+        assert!(
+            std::fs::read_dir(root.path())
+                .unwrap()
+                .all(|entry| { !entry.unwrap().file_name().to_string_lossy().ends_with(".partial") })
+        );
+        let again = export_dataset(root.path(), &out, None, &ExportOptions::default(), |_, _| ());
+        assert!(matches!(again, Err(Error::TargetExists { .. })));
+    }
+
+    #[test]
+    fn a_failed_export_leaves_nothing() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = write_own_pair(root.path(), 0, &oblique_pair(16));
+        std::fs::write(folder.join("b.l1.png"), b"no picture").unwrap();
+        let out = root.path().join("out");
+        assert!(export_dataset(root.path(), &out, None, &ExportOptions::default(), |_, _| ()).is_err());
+        let names: Vec<_> = std::fs::read_dir(root.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert_eq!(names, ["pairs"]);
+        assert!(export_dataset(&out, &out, None, &ExportOptions::default(), |_, _| ()).is_err());
+    }
+}
