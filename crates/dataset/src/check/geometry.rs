@@ -1,10 +1,10 @@
 //! What the geometry of one pair shows, read as it is stored.
 
-use super::numbers::{PairNumbers, pair_numbers};
+use super::numbers::{PairNumbers, moved, pair_numbers};
 use super::pose::{self, BestReading, DepthReading, Reading, Stored};
 use super::principal_point::{self, Evidence};
 use super::report::{Code, Finding, Severity};
-use super::reprojection::View;
+use super::reprojection::{OUTLIER, View, symmetric};
 use crate::import::RawView;
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3};
 use selenograph_raster::codec::exr::SampleType;
@@ -131,25 +131,34 @@ fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: 
     if !check.findings.is_empty() {
         return;
     }
-    match check.numbers.as_ref().map(|numbers| &numbers.reprojection) {
-        Some(Some(warp)) if warp.median_relative_error > MAX_MEDIAN_RELATIVE_ERROR => {
-            let message = format!(
-                "depths disagree after warping: median {:.1e}, {:.0} % beyond {:.1} %",
-                warp.median_relative_error,
-                100.0 * warp.outlier_share,
-                100.0 * super::reprojection::OUTLIER
-            );
-            check.findings.push(
-                Finding::new(Severity::Error, Code::Inconsistent, name, message)
-                    .hint("camera, pose or depth belongs to another picture"),
-            );
-        }
-        Some(Some(_)) => check.evidence = principal_point::evidence(&view_a, &view_b, step.max(FIT_STEP)),
-        _ => {
-            let message = "the views share no ground";
-            check.findings.push(Finding::new(Severity::Info, Code::NoOverlap, name, message));
-        }
+    let Some(warp) = check.numbers.as_ref().and_then(|numbers| numbers.reprojection) else {
+        let message = "the views share no ground";
+        check.findings.push(Finding::new(Severity::Info, Code::NoOverlap, name, message));
+        return;
+    };
+    let evidence = principal_point::evidence(&view_a, &view_b, step.max(FIT_STEP));
+    // A shifted principal point alone can exceed the limit where pixels are large; it is judged over the folder.
+    let with_offset = evidence.and_then(|evidence| {
+        let [du, dv] = evidence.offset_px()?;
+        let cameras = [moved(&camera_a, du, dv), moved(&camera_b, du, dv)];
+        let [a, b] = [(view_a, &cameras[0]), (view_b, &cameras[1])].map(|(v, camera)| View { camera, ..v });
+        Some(symmetric(&a, &b, step.max(FIT_STEP))?.median_relative_error)
+    });
+    let error = with_offset.map_or(warp.median_relative_error, |e| e.min(warp.median_relative_error));
+    if error <= MAX_MEDIAN_RELATIVE_ERROR {
+        check.evidence = evidence;
+        return;
     }
+    let message = format!(
+        "depths disagree after warping: median {:.1e}, {:.0} % beyond {:.1} %",
+        warp.median_relative_error,
+        100.0 * warp.outlier_share,
+        100.0 * OUTLIER
+    );
+    check.findings.push(
+        Finding::new(Severity::Error, Code::Inconsistent, name, message)
+            .hint("camera, pose or depth belongs to another picture"),
+    );
 }
 
 fn reading_findings(name: &str, best: &BestReading) -> Vec<Finding> {

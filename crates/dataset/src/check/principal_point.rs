@@ -65,6 +65,13 @@ pub struct Evidence {
     pull: Vector2<f64>,
 }
 
+impl Evidence {
+    /// The offset that suits this pair alone, pixels; `None` where it says nothing.
+    pub fn offset_px(&self) -> Option<[f64; 2]> {
+        Some((self.information.try_inverse()? * self.pull).into())
+    }
+}
+
 /// Neighbouring residuals are not independent and the model is not perfect: variances are taken nine times larger.
 const VARIANCE_INFLATION: f64 = 9.0;
 
