@@ -86,19 +86,27 @@ impl HeightLaw {
     ) {
         macro_rules! decode_as {
             ($number:ty) => {{
-                // No-data numbers as this type sees them: −3.4028226550889045e+38 is rounded to f32 once, here.
-                let absent: Vec<f64> = self.absent.iter().map(|&v| v as $number as f64).collect();
-                let size = size_of::<$number>();
-                let samples = bytes.chunks_exact(size).skip(first).step_by(stride);
+                // No-data numbers as this type holds them: −3.4028226550889045e+38 is rounded to f32 once, here,
+                // and −9999 in a file of bytes is no number of it.
+                let stored_as = |v: f64| f64::from(v as $number);
+                let absent: Vec<f64> = (self.absent.iter())
+                    .filter(|v| sample_type.is_float() || stored_as(**v) == **v)
+                    .map(|v| stored_as(*v))
+                    .collect();
+                let samples = bytes.chunks_exact(size_of::<$number>()).skip(first).step_by(stride);
                 for (height, sample) in out.iter_mut().zip(samples) {
                     let mut raw = [0u8; size_of::<$number>()];
                     raw.copy_from_slice(sample);
-                    let stored = match order {
+                    let stored = f64::from(match order {
                         ByteOrder::Little => <$number>::from_le_bytes(raw),
                         ByteOrder::Big => <$number>::from_be_bytes(raw),
-                    } as f64;
-                    let absent = absent.contains(&stored) || !(stored.abs() < SPECIAL_PIXEL_MAGNITUDE);
-                    *height = if absent { f32::NAN } else { (stored * self.gain + self.bias) as f32 };
+                    });
+                    let special = stored.is_nan() || stored.abs() >= SPECIAL_PIXEL_MAGNITUDE;
+                    *height = if special || absent.contains(&stored) {
+                        f32::NAN
+                    } else {
+                        (stored * self.gain + self.bias) as f32
+                    };
                 }
             }};
         }
@@ -143,6 +151,13 @@ mod tests {
         let out = heights(&law, &bytes, SampleType::F32, ByteOrder::Little);
         assert!(out[..4].iter().all(|h| h.is_nan()));
         assert_eq!(out[4], 7.0);
+    }
+
+    #[test]
+    fn a_no_data_number_that_the_type_cannot_hold_marks_nothing() {
+        let law = HeightLaw::new(1.0, 0.0, 1.0, 1.0, &[-9999.0, 7.0]);
+        let out = heights(&law, &[0, 7, 241], SampleType::U8, ByteOrder::Little);
+        assert!(out[0] == 0.0 && out[1].is_nan() && out[2] == 241.0);
     }
 
     #[test]

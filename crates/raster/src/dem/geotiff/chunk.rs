@@ -58,7 +58,9 @@ pub(super) fn decompress(compression: Compression, packed: Vec<u8>, size: usize)
                 read += step.consumed_in;
                 written += step.consumed_out;
                 let status = step.status.map_err(|e| format!("LZW stream: {e}"))?;
-                if !matches!(status, weezl::LzwStatus::Ok) || (step.consumed_in == 0 && step.consumed_out == 0) {
+                if !matches!(status, weezl::LzwStatus::Ok)
+                    || (step.consumed_in == 0 && step.consumed_out == 0)
+                {
                     break;
                 }
             }

@@ -6,6 +6,7 @@ mod geokeys;
 mod metadata;
 mod rows;
 mod write;
+mod write_keys;
 
 pub use chunk::{Compression, Predictor};
 pub(super) use rows::TiffRows;
@@ -18,7 +19,7 @@ use crate::Error;
 use directory::{Directory, TiffFile};
 use geokeys::{GeoKeys, affine_of_tags};
 use metadata::GdalMetadata;
-use rows::{ChunkLayout, Span};
+use rows::{ChunkLayout, MIN_GROUP_ROWS, Span};
 use std::path::Path;
 
 const NEW_SUBFILE_TYPE: u16 = 254;
@@ -46,9 +47,8 @@ const GEO_ASCII_PARAMS: u16 = 34737;
 const GDAL_METADATA: u16 = 42112;
 const GDAL_NODATA: u16 = 42113;
 
-/// Largest decoded chunk, and largest decoded row of chunks, in bytes: a band of 1024² tiles of f64 across a
-/// million columns still fits.
-const MAX_BAND_BYTES: usize = 1 << 33;
+/// Largest decoded row of chunks, in bytes as stored or as f32: 1024² tiles of f32 across half a million columns.
+const MAX_BAND_BYTES: usize = 1 << 31;
 
 /// Directories looked at for overviews and masks.
 const MAX_DIRECTORIES: usize = 64;
@@ -221,7 +221,11 @@ fn layout(
         }
     };
     let num_interleaved = if planar { 1 } else { shape.num_bands };
-    checked_chunk_size(tiff, shape, chunk_width, chunk_height, num_interleaved * sample_type.size())?;
+    let pixel_bytes = (num_interleaved * sample_type.size()).max(size_of::<f32>());
+    // Thick strips without compression are read in pieces.
+    let cut = compression == Compression::None && tile_width.is_none();
+    let rows_at_once = if cut { chunk_height.min(MIN_GROUP_ROWS as u64) } else { chunk_height };
+    checked_chunk_size(tiff, shape, chunk_width, rows_at_once, pixel_bytes)?;
     let mut layout = ChunkLayout {
         width: shape.width,
         height: shape.height,
@@ -279,7 +283,7 @@ fn checked_chunk_size(
             path: tiff.path.clone(),
             what: "size of strips or tiles",
             found: format!("{width}×{height}"),
-            supported: "a row of chunks up to 8 GiB",
+            supported: "a row of chunks up to 2 GiB; cut the file into smaller strips or tiles",
         }),
     }
 }

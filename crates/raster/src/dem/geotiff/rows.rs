@@ -7,7 +7,7 @@ use crate::dem::sample::{ByteOrder, HeightLaw, SampleType};
 use rayon::prelude::*;
 
 /// Fewer rows than this are not worth waking the thread pool for; thin strips are decoded in groups.
-const MIN_GROUP_ROWS: usize = 64;
+pub(super) const MIN_GROUP_ROWS: usize = 64;
 
 /// Where a chunk lies in the file. No bytes: a chunk that was never written (all absent).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,13 +85,13 @@ impl ChunkLayout {
     ) -> Result<Vec<f32>, String> {
         let inside = self.rows_inside(down_idx);
         let columns = self.chunk_width.min(self.width - across_idx * self.chunk_width);
-        let mut heights = vec![f32::NAN; inside * columns];
         if packed.is_empty() {
-            return Ok(heights);
+            return Ok(vec![f32::NAN; inside * columns]);
         }
         let stored_rows = if self.tiled { self.chunk_height } else { inside };
         let row_bytes = self.row_bytes();
         let mut bytes = decompress(self.compression, packed, stored_rows * row_bytes)?;
+        let mut heights = vec![f32::NAN; inside * columns];
         let (interleaved, size) = (self.num_interleaved, self.sample_type.size());
         let order = undo_predictor(self.predictor, &mut bytes, row_bytes, interleaved, size, self.order);
         for (row, out) in bytes.chunks_exact(row_bytes).zip(heights.chunks_exact_mut(columns)) {

@@ -1,11 +1,11 @@
 //! Writes float32 GeoTIFF and BigTIFF row by row.
 
 use super::chunk::{Compression, apply_float_predictor};
+use super::write_keys::geo_tags;
 use super::*;
 use crate::Affine;
 use rayon::prelude::*;
 use selenograph_geometry::proj_string::Crs;
-use selenograph_geometry::{Pole, Projection};
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -66,19 +66,19 @@ pub struct GeoTiffWriter {
 }
 
 /// A tag of the directory: number, type, count and value bytes.
-struct Tag(u16, u16, u64, Vec<u8>);
+pub(super) struct Tag(u16, u16, u64, Vec<u8>);
 
 impl Tag {
-    fn shorts(number: u16, values: &[u16]) -> Self {
+    pub(super) fn shorts(number: u16, values: &[u16]) -> Self {
         Self(number, 3, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
     fn long(number: u16, value: u32) -> Self {
         Self(number, 4, 1, value.to_le_bytes().to_vec())
     }
-    fn doubles(number: u16, values: &[f64]) -> Self {
+    pub(super) fn doubles(number: u16, values: &[f64]) -> Self {
         Self(number, 12, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
-    fn text(number: u16, text: &str) -> Self {
+    pub(super) fn text(number: u16, text: &str) -> Self {
         let bytes = [text.as_bytes(), b"\0"].concat();
         Self(number, 2, bytes.len() as u64, bytes)
     }
@@ -101,6 +101,19 @@ impl GeoTiffWriter {
     /// [`Error::SizeMismatch`] for an empty raster, a size past 2³², or a tile that is no multiple of 16;
     /// [`Error::Unsupported`] for a compression that is not written; [`Error::Io`].
     pub fn create(
+        path: &Path,
+        width: usize,
+        height: usize,
+        crs: &Crs,
+        map_from_pixel: &Affine,
+        options: WriteOptions,
+    ) -> Result<Self, Error> {
+        Self::create_within(MAX_CLASSIC_BYTES, path, width, height, crs, map_from_pixel, options)
+    }
+
+    /// The same with another limit for 32-bit offsets.
+    fn create_within(
+        max_classic_bytes: u64,
         path: &Path,
         width: usize,
         height: usize,
@@ -131,7 +144,7 @@ impl GeoTiffWriter {
         }
         let padded = (width.div_ceil(chunk_width) * chunk_width) as u64
             * (height.div_ceil(chunk_height) * chunk_height) as u64;
-        let big = padded * 4 > MAX_CLASSIC_BYTES;
+        let big = padded * 4 > max_classic_bytes;
         let part = PathBuf::from(format!("{}.tmp", path.display()));
         let file = File::create(&part).map_err(Error::io("write", path))?;
         let mut writer = Self {
@@ -341,73 +354,30 @@ impl Drop for GeoTiffWriter {
     }
 }
 
-/// The transform and the GeoKeys of a map on a sphere, all user-defined, as GDAL writes them.
-fn geo_tags(crs: &Crs, map_from_pixel: &Affine) -> Vec<Tag> {
-    let [x0, a1, a2, y0, a4, a5] = map_from_pixel.coefficients;
-    let mut tags = if a2 == 0.0 && a4 == 0.0 && a5 < 0.0 && a1 > 0.0 {
-        vec![
-            Tag::doubles(MODEL_PIXEL_SCALE, &[a1, -a5, 0.0]),
-            Tag::doubles(MODEL_TIEPOINT, &[0.0, 0.0, 0.0, x0, y0, 0.0]),
-        ]
-    } else {
-        let matrix = [a1, a2, 0.0, x0, a4, a5, 0.0, y0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        vec![Tag::doubles(MODEL_TRANSFORMATION, &matrix)]
-    };
-    let (model, transform, numbers) = projection_keys(&crs.projection);
-    let name = format!("{} {}|", crs.body.name, crs.projection.name());
-    let datum = format!("GCS Name = {0}|Datum = {0} sphere|Ellipsoid = {0} sphere|", crs.body.name);
-    let mut codes: Vec<(u16, u16)> =
-        vec![(1024, model), (1025, 1), (2048, 32767), (2050, 32767), (2054, 9102), (2056, 32767)];
-    if let Some(transform) = transform {
-        codes.extend([(3072, 32767), (3074, 32767), (3075, transform), (3076, 9001)]);
-    }
-    let radius = crs.projection.radius_m().unwrap_or(crs.body.radius_m);
-    let mut doubles = vec![(2057, radius), (2058, radius), (2061, 0.0)];
-    doubles.extend(numbers);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dem::{DemReader, OpenOptions};
+    use selenograph_geometry::proj_string;
 
-    let mut entries: Vec<[u16; 4]> = codes.into_iter().map(|(key, code)| [key, 0, 1, code]).collect();
-    entries.push([1026, GEO_ASCII_PARAMS, name.len() as u16, 0]);
-    entries.push([2049, GEO_ASCII_PARAMS, datum.len() as u16, name.len() as u16]);
-    entries.extend(doubles.iter().enumerate().map(|(i, (key, _))| [*key, GEO_DOUBLE_PARAMS, 1, i as u16]));
-    entries.sort_unstable();
-    let mut directory = vec![1, 1, 0, entries.len() as u16];
-    directory.extend(entries.into_iter().flatten());
-    let values: Vec<f64> = doubles.into_iter().map(|(_, value)| value).collect();
-    tags.push(Tag::shorts(GEO_KEY_DIRECTORY, &directory));
-    tags.push(Tag::doubles(GEO_DOUBLE_PARAMS, &values));
-    tags.push(Tag::text(GEO_ASCII_PARAMS, &format!("{name}{datum}")));
-    tags
-}
-
-/// Model type, coordinate transformation, and the numbers by key.
-fn projection_keys(projection: &Projection) -> (u16, Option<u16>, Vec<(u16, f64)>) {
-    let offsets = |x: f64, y: f64| [(3082, x), (3083, y)];
-    match *projection {
-        Projection::PolarStereographic { pole, lon0_rad, k0, false_easting_m, false_northing_m, .. } => {
-            let lat = if pole == Pole::North { 90.0 } else { -90.0 };
-            let mut numbers = vec![(3081, lat), (3095, lon0_rad.to_degrees()), (3092, k0)];
-            numbers.extend(offsets(false_easting_m, false_northing_m));
-            (1, Some(15), numbers)
+    #[test]
+    fn files_past_the_limit_have_64_bit_offsets() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.tif");
+        let crs = proj_string::parse("IAU_2015:30135").unwrap();
+        let affine = Affine::north_up(0.0, 0.0, 5.0, 5.0);
+        let heights: Vec<f32> = (0..40 * 30).map(|i| i as f32).collect();
+        for (limit, big) in [(48 * 32 * 4, false), (48 * 32 * 4 - 1, true)] {
+            let options =
+                WriteOptions { layout: GeoTiffLayout::Tiles { side: 16 }, compression: Compression::None };
+            let mut writer =
+                GeoTiffWriter::create_within(limit, &path, 40, 30, &crs, &affine, options).unwrap();
+            assert_eq!(writer.is_big(), big);
+            writer.write_rows(&heights).unwrap();
+            writer.finish().unwrap();
+            let mut dem = DemReader::open(&path, &OpenOptions::default()).unwrap();
+            assert_eq!(dem.info().format == DemFormat::BigTiff, big);
+            assert_eq!(dem.read_all().unwrap().data, heights);
         }
-        Projection::Equirectangular {
-            lat_ts_rad,
-            lat0_rad,
-            lon0_rad,
-            false_easting_m,
-            false_northing_m,
-            ..
-        } => {
-            let lat_ts = lat_ts_rad.to_degrees();
-            let mut numbers =
-                vec![(3078, lat_ts), (3089, lat0_rad.to_degrees()), (3088, lon0_rad.to_degrees())];
-            numbers.extend(offsets(false_easting_m, false_northing_m));
-            (1, Some(17), numbers)
-        }
-        Projection::Orthographic { lat0_rad, lon0_rad, false_easting_m, false_northing_m, .. } => {
-            let mut numbers = vec![(3089, lat0_rad.to_degrees()), (3088, lon0_rad.to_degrees())];
-            numbers.extend(offsets(false_easting_m, false_northing_m));
-            (1, Some(21), numbers)
-        }
-        Projection::Geographic { .. } => (2, None, Vec::new()),
     }
 }
