@@ -10,18 +10,23 @@ pub struct Ui {
     /// Data as JSON rather than for reading.
     pub json: bool,
     quiet: bool,
-    verbose: bool,
+    notes: bool,
 }
 
 impl Ui {
     /// As asked for on the command line.
     pub fn new(global: &Global) -> Self {
-        Self { json: global.json, quiet: global.quiet, verbose: global.verbose > 0 }
+        Self { json: global.json, quiet: global.quiet, notes: !global.quiet }
     }
 
     /// Before the command line is known.
     pub fn plain() -> Self {
-        Self { json: false, quiet: false, verbose: false }
+        Self { json: false, quiet: false, notes: true }
+    }
+
+    /// For a step of a longer command: progress bars, but no words of its own and no data.
+    pub fn without_notes(&self) -> Self {
+        Self { json: false, quiet: self.quiet, notes: false }
     }
 
     /// A line of data.
@@ -44,14 +49,7 @@ impl Ui {
 
     /// What happens, unless --quiet.
     pub fn note(&self, text: &str) {
-        if !self.quiet {
-            self.complain(text);
-        }
-    }
-
-    /// Details for those who pass --verbose.
-    pub fn detail(&self, text: &str) {
-        if self.verbose {
+        if self.notes {
             self.complain(text);
         }
     }

@@ -72,6 +72,12 @@ pub struct Generate {
     /// Plan made by `plan` instead of a new one
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
+    /// Number of this run among --shards, from 0: it makes every pair whose number leaves it when divided by --shards
+    #[arg(long, value_name = "I", default_value_t = 0)]
+    pub shard: u64,
+    /// How many runs share the campaign
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub shards: u64,
     /// Plan and say how much it would be, but render nothing
     #[arg(long)]
     pub dry_run: bool,

@@ -10,8 +10,8 @@ pub enum DataCommand {
     /// Find what is wrong with a dataset, ours or triplets, and explain it
     #[command(after_help = "Example:\n  selenograph data check out/dataset --json")]
     Check(Check),
-    /// Contact sheet: views, depth, slope and shadow of some pairs
-    #[command(after_help = "Example:\n  selenograph data sheet out/dataset --out sheet.png --pairs 8")]
+    /// Contact sheets: views, depth, slope and shadow of some pairs
+    #[command(after_help = "Example:\n  selenograph data sheet out/dataset --out sheets --pairs 16")]
     Sheet(Sheet),
     /// Training and validation parts that share no ground
     #[command(after_help = "Example:\n  selenograph data split out/dataset --out split.json")]
@@ -29,17 +29,26 @@ pub struct Check {
     /// Dataset folder, ours or triplets
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
+    /// Where the triplets' K is taken to count pixels from; the fit says whether that is so
+    #[arg(long, value_name = "WHERE", default_value = "corner")]
+    pub k_convention: KConvention,
+    /// Warp every this many pixels across and down
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub step: usize,
 }
 
 /// `data sheet`.
 #[derive(Debug, Args)]
 pub struct Sheet {
-    /// Dataset folder
+    /// Dataset folder, ours or triplets
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
-    /// How many pairs, spread over the dataset
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    /// At most this many pairs, spread over the dataset
+    #[arg(long, value_name = "N", default_value_t = 64)]
     pub pairs: usize,
+    /// Side of a thumbnail, pixels
+    #[arg(long, value_name = "PX", default_value_t = 144)]
+    pub thumbnail_px: usize,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,

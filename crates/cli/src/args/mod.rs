@@ -35,9 +35,6 @@ pub struct Global {
     /// Nothing on stderr but errors and skips
     #[arg(long, short, global = true)]
     pub quiet: bool,
-    /// More on stderr
-    #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
-    pub verbose: u8,
     /// Worker threads [default: one per core]
     #[arg(long, global = true, value_name = "N", env = "SELENOGRAPH_THREADS", hide_env_values = true)]
     pub threads: Option<NonZeroUsize>,
@@ -57,6 +54,9 @@ pub struct Target {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// A synthetic Moon, eight stereo pairs under three lights, a contact sheet
+    #[command(after_help = "Example:\n  selenograph demo --out out/demo")]
+    Demo(campaign::Demo),
     /// Elevation models: what they are, import, synthesis, a quick look
     #[command(subcommand)]
     Dem(dem::DemCommand),
@@ -65,6 +65,19 @@ pub enum Command {
         after_help = "Example:\n  selenograph render terrain --lat-deg -89.2 --lon-deg 120 --altitude-m 9500 --out picture"
     )]
     Render(render::Render),
+    /// A campaign on a terrain as a table of pairs, to read and render later
+    #[command(
+        after_help = "Example:\n  selenograph plan --preset polar-real --terrain terrain --out plan.csv"
+    )]
+    Plan(campaign::Plan),
+    /// Stereo pairs with their truth; run it again to go on where it stopped
+    #[command(
+        after_help = "Example:\n  selenograph generate --preset polar-real --terrain terrain --out dataset"
+    )]
+    Generate(campaign::Generate),
+    /// Datasets: what is wrong with them, pictures of them, splits, the paper's triplets
+    #[command(subcommand)]
+    Data(data::DataCommand),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

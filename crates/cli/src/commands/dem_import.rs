@@ -42,8 +42,8 @@ pub fn run(args: &Import, ui: &Ui) -> anyhow::Result<Outcome> {
         ));
         if let Some(nest) = &layer.nest {
             ui.note(&format!(
-                "  blended into the coarser surface over {:.0} m; steps between the two: 99 % below {:.1} m, largest {:.1} m",
-                nest.width_m, nest.step_p99_m, nest.step_max_m
+                "  fitted onto the coarser surface; steps between the two were: 99 % below {:.1} m, largest {:.1} m",
+                nest.step_p99_m, nest.step_max_m
             ));
         }
     }

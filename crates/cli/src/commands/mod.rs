@@ -1,17 +1,27 @@
 //! What the commands do, one file each.
 
+mod clock;
 mod completions;
 mod config_show;
+mod data_check;
+mod data_export;
+mod data_sheet;
+mod data_split;
 mod dem_hillshade;
 mod dem_import;
 mod dem_info;
 mod dem_synth;
+mod demo;
+mod generate;
+mod plan;
+mod planning;
 mod presets;
 mod reading;
 mod render;
 
 use crate::args::Command;
 use crate::args::campaign::ConfigCommand;
+use crate::args::data::DataCommand;
 use crate::args::dem::DemCommand;
 use crate::exit::Outcome;
 use crate::ui::Ui;
@@ -22,11 +32,18 @@ use crate::ui::Ui;
 /// Whatever stops it; [`crate::exit`] turns it into a line, a hint and an exit code.
 pub fn run(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
     match command {
+        Command::Demo(args) => demo::run(args, ui),
         Command::Dem(DemCommand::Info(args)) => dem_info::run(args, ui),
         Command::Dem(DemCommand::Hillshade(args)) => dem_hillshade::run(args, ui),
         Command::Dem(DemCommand::Import(args)) => dem_import::run(args, ui),
         Command::Dem(DemCommand::Synth(args)) => dem_synth::run(args, ui),
         Command::Render(args) => render::run(args, ui),
+        Command::Plan(args) => plan::run(args, ui),
+        Command::Generate(args) => generate::run(args, ui),
+        Command::Data(DataCommand::Check(args)) => data_check::run(args, ui),
+        Command::Data(DataCommand::Sheet(args)) => data_sheet::run(args, ui),
+        Command::Data(DataCommand::Split(args)) => data_split::run(args, ui),
+        Command::Data(DataCommand::Export(args)) => data_export::run(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),

@@ -3,7 +3,23 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 5] = ["dem info", "dem import", "dem synth", "dem hillshade", "completions"];
+const COMMANDS: [&str; 15] = [
+    "demo",
+    "dem info",
+    "dem import",
+    "dem synth",
+    "dem hillshade",
+    "render",
+    "plan",
+    "generate",
+    "data check",
+    "data sheet",
+    "data split",
+    "data export",
+    "presets",
+    "config show",
+    "completions",
+];
 
 #[test]
 fn every_command_has_help_with_one_example_of_itself() {

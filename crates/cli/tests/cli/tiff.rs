@@ -86,7 +86,7 @@ impl Dem {
 fn assemble(samples: &[u8], tags: &[(u16, (u16, usize, Vec<u8>))]) -> Vec<u8> {
     let directory = 8 + samples.len();
     let mut overflow_at = directory + 2 + 12 * tags.len() + 4;
-    let mut overflow = Vec::new();
+    let mut overflow: Vec<u8> = Vec::new();
     let mut out = b"II*\0".to_vec();
     out.extend((directory as u32).to_le_bytes());
     out.extend(samples);
