@@ -5,6 +5,7 @@
 //! coarse cell, and wider where the two differ much: the slope that fading adds is at most `1.5 · |step| / width`.
 
 mod scratch;
+mod steps;
 mod under;
 mod weight;
 
@@ -15,16 +16,13 @@ use crate::{Error, Grid};
 use rayon::prelude::*;
 use scratch::Scratch;
 use serde::{Deserialize, Serialize};
+use steps::Steps;
 use under::Under;
+pub use weight::Widths;
 use weight::{BlockDistance, Weight};
 
 /// Rows handled at a time.
 const BAND_ROWS: usize = 64;
-/// Blocks at the rim and beside holes in which the step between fine and coarse is sampled.
-const STEP_BLOCKS: f32 = 3.0;
-/// Steepest slope of `smoothstep`, per unit.
-const STEEPEST: f64 = 1.5;
-
 /// How a finer layer is fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -48,8 +46,8 @@ impl Default for NestOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NestReport {
-    /// Width of the fade, metres.
-    pub width_m: f64,
+    /// Widths of the fade: each as wide as the steps along it ask for.
+    pub widths: Widths,
     /// 99th percentile of |fine − coarse| at the rim and at holes, before fitting, metres.
     pub step_p99_m: f64,
     /// The largest, metres.
@@ -106,9 +104,9 @@ pub fn add_nested(
     let holes = BlockDistance::new(block_cols, block_rows, &has_absent);
     let uncovered =
         BlockDistance::new(block_cols, block_rows, &uncovered_blocks(&under, block_cols, block_rows));
-    let steps = sample_steps(&under, &mut scratch, holes.as_ref(), block_cols, block_rows)?;
+    let steps = Steps::sample(&under, &mut scratch, holes.as_ref(), block_cols, block_rows)?;
     let weight = Weight {
-        width_m: steps.width_m(grid, options),
+        widths: steps.widths(grid, options),
         step_m: step_m(grid),
         last: [(grid.cols - 1) as f64, (grid.rows - 1) as f64],
         holes,
@@ -117,10 +115,11 @@ pub fn add_nested(
     let mut layer = writer.begin_layer(grid, true)?;
     let (num_filled, rim_residual_m) = fit(&under, &weight, &mut scratch, &mut layer, progress)?;
     scratch.remove()?;
+    let (step_p99_m, step_max_m) = steps.p99_and_max_m();
     let report = NestReport {
-        width_m: weight.width_m,
-        step_p99_m: steps.p99_m,
-        step_max_m: steps.max_m,
+        widths: weight.widths,
+        step_p99_m,
+        step_max_m,
         rim_residual_m,
         rim_between_nodes_m: between_nodes(&under),
         num_filled,
@@ -152,73 +151,6 @@ fn uncovered_blocks(under: &Under<'_>, block_cols: usize, block_rows: usize) -> 
     let block =
         |i: usize, j: usize| absent[j][i] || absent[j][i + 1] || absent[j + 1][i] || absent[j + 1][i + 1];
     (0..block_rows).flat_map(|j| (0..block_cols).map(move |i| (i, j))).map(|(i, j)| block(i, j)).collect()
-}
-
-/// How far fine and coarse heights are apart where they must meet.
-struct Steps {
-    p99_m: f64,
-    max_m: f64,
-    coarse_cell_m: f64,
-}
-
-impl Steps {
-    fn width_m(&self, grid: &Grid, options: &NestOptions) -> f64 {
-        let [step_c, step_r] = step_m(grid);
-        let side = ((grid.cols - 1) as f64 * step_c).min((grid.rows - 1) as f64 * step_r);
-        let wanted = (options.blend_cells.max(1.0) * self.coarse_cell_m)
-            .max(STEEPEST * self.p99_m / options.max_seam_slope.max(1e-3));
-        // Never narrower than one coarse cell, unless the layer itself is hardly wider.
-        let most = (options.max_share.clamp(0.0, 0.5) * side).max(self.coarse_cell_m.min(0.5 * side));
-        wanted.min(most)
-    }
-}
-
-fn sample_steps(
-    under: &Under<'_>,
-    scratch: &mut Scratch,
-    holes: Option<&BlockDistance>,
-    block_cols: usize,
-    block_rows: usize,
-) -> Result<Steps, Error> {
-    let grid = under.fine;
-    let mut steps: Vec<f64> = Vec::new();
-    let mut cells: Vec<f64> = Vec::new();
-    for block_row in 0..block_rows {
-        // The rim itself in the first and last row of blocks, the middle elsewhere.
-        let edge_row = block_row == 0 || block_row + 1 == block_rows;
-        let row = match block_row {
-            0 => 0,
-            _ if edge_row => grid.rows - 1,
-            n => (n * SUPPORT_BLOCK + SUPPORT_BLOCK / 2).min(grid.rows - 1),
-        };
-        let heights = scratch.read(row, 1)?;
-        for block_col in 0..block_cols {
-            let edge_col = block_col == 0 || block_col + 1 == block_cols;
-            let beside_hole = holes.is_some_and(|h| h.block(block_col, block_row) <= STEP_BLOCKS);
-            if !(edge_row || edge_col || beside_hole) {
-                continue;
-            }
-            let col = match block_col {
-                0 => 0,
-                _ if edge_col => grid.cols - 1,
-                n => (n * SUPPORT_BLOCK + SUPPORT_BLOCK / 2).min(grid.cols - 1),
-            };
-            if let (Some((coarse, cell)), true) =
-                (under.sample(col as f64, row as f64), heights[col].is_finite())
-            {
-                steps.push((f64::from(heights[col]) - coarse).abs());
-                cells.push(cell);
-            }
-        }
-    }
-    steps.sort_by(f64::total_cmp);
-    let own = grid.cell_m();
-    let p99_m = steps.get(steps.len().saturating_sub(1) * 99 / 100).copied().unwrap_or(0.0);
-    Ok(Steps {
-        p99_m,
-        max_m: steps.last().copied().unwrap_or(0.0),
-        coarse_cell_m: cells.into_iter().fold(own, f64::max),
-    })
 }
 
 /// The second pass: blended rows into the layer. Returns the number of filled nodes and the residual at the rim.

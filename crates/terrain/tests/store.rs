@@ -1,4 +1,10 @@
 //! Terrain folders: written whole or not at all, opened without reading them, damage told.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "a test may panic and tell"
+)]
 
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::georef::Affine;

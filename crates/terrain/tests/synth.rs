@@ -1,4 +1,10 @@
 //! Synthetic relief: a pure function of seed and node, with the slopes of polar highland.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "a test may panic and tell"
+)]
 
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::dem::{DemReader, OpenOptions, WriteOptions};

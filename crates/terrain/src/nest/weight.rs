@@ -1,6 +1,7 @@
 //! How much of a finer model's residual is kept where.
 
 use crate::layer::SUPPORT_BLOCK;
+use serde::{Deserialize, Serialize};
 
 /// Blocks between a hole and the start of the fade: an absent node may sit at its block's corner.
 const HOLE_MARGIN: f64 = 1.5;
@@ -92,9 +93,32 @@ fn nearest_squares(values: &[f32], mut out: impl FnMut(usize, f32)) {
     }
 }
 
+/// Widths over which a layer fades to what is below it, metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Widths {
+    /// From the first column on.
+    pub left_m: f64,
+    /// Up to the last column.
+    pub right_m: f64,
+    /// From the first row on.
+    pub top_m: f64,
+    /// Up to the last row.
+    pub bottom_m: f64,
+    /// Round absent nodes.
+    pub holes_m: f64,
+}
+
+impl Widths {
+    /// The widest, metres.
+    pub fn max_m(&self) -> f64 {
+        self.left_m.max(self.right_m).max(self.top_m).max(self.bottom_m).max(self.holes_m)
+    }
+}
+
 /// The weight of the fine heights on a grid.
 pub(super) struct Weight {
-    pub width_m: f64,
+    pub widths: Widths,
     /// Metres per column and per row.
     pub step_m: [f64; 2],
     pub last: [f64; 2],
@@ -105,13 +129,14 @@ pub(super) struct Weight {
 
 impl Weight {
     pub fn at(&self, c: f64, r: f64) -> f64 {
-        let side = |nodes: f64, step: f64| smoothstep(nodes * step / self.width_m);
-        let rim = side(c, self.step_m[0])
-            * side(self.last[0] - c, self.step_m[0])
-            * side(r, self.step_m[1])
-            * side(self.last[1] - r, self.step_m[1]);
-        let block_m = SUPPORT_BLOCK as f64 * self.step_m[0].min(self.step_m[1]);
-        let from_blocks = |d: &BlockDistance| smoothstep((d.at(c, r) - HOLE_MARGIN) * block_m / self.width_m);
+        let Widths { left_m, right_m, top_m, bottom_m, holes_m } = self.widths;
+        let [step_c, step_r] = self.step_m;
+        let rim = smoothstep(c * step_c / left_m)
+            * smoothstep((self.last[0] - c) * step_c / right_m)
+            * smoothstep(r * step_r / top_m)
+            * smoothstep((self.last[1] - r) * step_r / bottom_m);
+        let block_m = SUPPORT_BLOCK as f64 * step_c.min(step_r);
+        let from_blocks = |d: &BlockDistance| smoothstep((d.at(c, r) - HOLE_MARGIN) * block_m / holes_m);
         let weight = rim * self.holes.as_ref().map_or(1.0, from_blocks);
         1.0 - (1.0 - weight) * self.uncovered.as_ref().map_or(1.0, from_blocks)
     }
@@ -143,7 +168,7 @@ mod tests {
         let (cols, rows) = (40, 40);
         let marked: Vec<bool> = (0..cols * rows).map(|n| n == 20 * cols + 25).collect();
         let weight = Weight {
-            width_m: 400.0,
+            widths: Widths { left_m: 400.0, right_m: 400.0, top_m: 400.0, bottom_m: 400.0, holes_m: 400.0 },
             step_m: [5.0, 5.0],
             last: [639.0, 639.0],
             holes: BlockDistance::new(cols, rows, &marked),

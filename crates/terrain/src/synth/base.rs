@@ -198,8 +198,8 @@ fn prefilter_line(values: &mut [f32], start: usize, step: usize, count: usize) {
     // The mirrored sum is cut where the pole's powers fall below f64's resolution.
     let mut power = 1.0;
     let mut first = 0.0;
-    for n in 0..30.min(count) {
-        first += power * line[n];
+    for value in line.iter().take(30) {
+        first += power * value;
         power *= pole;
     }
     line[0] = first;

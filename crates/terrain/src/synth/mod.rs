@@ -60,7 +60,7 @@ pub struct SynthSettings {
 
 impl Default for SynthSettings {
     fn default() -> Self {
-        Self { seed: 1, relief: 1.0, crater_density: 0.08, max_crater_m: 64_000.0 }
+        Self { seed: 1, relief: 1.0, crater_density: 0.065, max_crater_m: 64_000.0 }
     }
 }
 
