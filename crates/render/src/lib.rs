@@ -1,15 +1,21 @@
 //! Pictures of a curved, rough body with all their truth: exact rays, reflectance laws, a Sun of finite size, cast shadows.
 
 pub mod brdf;
+mod dispatch;
 pub mod error;
 pub mod film;
+mod horizon;
+mod kernel;
 mod leaf;
+mod march;
 pub mod path;
 mod pattern;
 pub mod radiance;
 pub mod settings;
+mod shadow;
 mod simd;
 pub mod sun;
+mod tile;
 pub mod trace;
 pub mod truth;
 pub mod view;

@@ -43,8 +43,8 @@ pub(crate) struct PixelPattern<'a> {
     pub(crate) sun_turn: [f32; 2],
 }
 
-/// Largest offset a pattern can hold, standard deviations (`√(−2 ln 2⁻²⁰)`).
-pub(crate) const MAX_SIGMAS: f64 = 5.27;
+/// Largest offset a pattern can hold, standard deviations: `√(−2 ln 2⁻²⁰) = 5.27` and room for the scaling to unit variance.
+pub(crate) const MAX_SIGMAS: f64 = 5.6;
 
 fn hash(seed: u64, n: u64) -> u64 {
     // SplitMix64 (Steele, Lea, Flood 2014).
@@ -97,6 +97,7 @@ impl Patterns {
                 packets.push(packet);
             }
         }
+        scale_to_unit_variance(&mut packets);
         let turns = (0..NUM_ANGLES)
             .map(|k| {
                 let (sin, cos) = (std::f64::consts::TAU * k as f64 / NUM_ANGLES as f64).sin_cos();
@@ -116,6 +117,22 @@ impl Patterns {
             psf_turn: self.turns[(h >> 16) as usize % NUM_ANGLES],
             sun_turn: self.turns[(h >> 40) as usize % NUM_ANGLES],
         }
+    }
+}
+
+/// Makes the variance of all patterns together exactly 1: a few thousand samples of a Gaussian miss it by a per cent or two.
+fn scale_to_unit_variance(packets: &mut [Packet]) {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for packet in packets.iter() {
+        for k in (0..LANES).filter(|k| packet.weight[*k] > 0.0) {
+            squares += f64::from(packet.psf_x[k]).powi(2) + f64::from(packet.psf_y[k]).powi(2);
+            count += 2.0;
+        }
+    }
+    let scale = (count / squares).sqrt() as f32;
+    for packet in packets {
+        packet.psf_x = packet.psf_x.map(|v| v * scale);
+        packet.psf_y = packet.psf_y.map(|v| v * scale);
     }
 }
 

@@ -1,8 +1,12 @@
 //! Pictures: the mean radiance factor of each pixel's rays, for several Suns at once.
 
+use crate::dispatch;
+use crate::horizon::Horizon;
+use crate::kernel::MAX_SUNS;
 use crate::pattern::{Patterns, turned};
+use crate::tile::Tile;
 use crate::trace::tangents;
-use crate::{Error, Hit, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
+use crate::{Error, Hit, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
 use nalgebra::{Point2, UnitVector3, Vector3};
 use rayon::prelude::*;
 use selenograph_geometry::pixel;
@@ -65,13 +69,31 @@ pub fn radiance(
             })
             .collect(),
     };
+    if suns.len() > MAX_SUNS {
+        return Err(Error::Setting {
+            name: "suns",
+            expected: "at most 8 Suns in one call",
+            found: suns.len().to_string(),
+        });
+    }
     let tiles_x = width.div_ceil(TILE);
-    let tiles: Vec<Vec<f32>> = (0..tiles_x * height.div_ceil(TILE))
+    let num_tiles = tiles_x * height.div_ceil(TILE);
+    let corner = |n: usize| [(n % tiles_x) * TILE, (n / tiles_x) * TILE];
+    let fast: Vec<Option<Tile>> = (0..num_tiles).into_par_iter().map(|n| job.fast_tile(corner(n))).collect();
+    let horizons = job.horizons(&fast);
+    let brdf = settings.brdf.prepared();
+    let tiles: Vec<Vec<f32>> = (0..num_tiles)
         .into_par_iter()
-        .map(|tile| {
-            let (x0, y0) = ((tile % tiles_x) * TILE, (tile / tiles_x) * TILE);
+        .map(|n| {
             let mut out = vec![0.0; suns.len() * TILE * TILE];
-            job.exact_tile(x0, y0, &mut out);
+            match &fast[n] {
+                Some(tile) => {
+                    let here: Vec<Option<&Horizon>> =
+                        horizons.iter().map(|h| h[tile.layer_idx].as_ref()).collect();
+                    dispatch::tile(&job, tile, &here, &brdf, corner(n), &mut out);
+                }
+                None => job.exact_tile(corner(n), &mut out),
+            }
             out
         })
         .collect();
@@ -86,8 +108,40 @@ pub fn radiance(
 }
 
 impl Job<'_> {
+    /// The tile at a pixel, if the fast path applies there.
+    fn fast_tile(&self, [x0, y0]: [usize; 2]) -> Option<Tile> {
+        let exact = self.settings.instruction_set == InstructionSet::Exact;
+        if exact || self.tracer.interpolation() != Interpolation::Bilinear {
+            return None;
+        }
+        Tile::new(self, x0, y0)
+    }
+
+    /// The horizon of each Sun on each layer that a fast tile lies on.
+    fn horizons(&self, fast: &[Option<Tile>]) -> Vec<Vec<Option<Horizon>>> {
+        let terrain = self.tracer.terrain();
+        let mut ground: Vec<Option<[f64; 4]>> = vec![None; terrain.layers.len()];
+        if self.settings.shadows == Shadows::Cast {
+            for tile in fast.iter().flatten() {
+                let first = tile.base.map(f64::from);
+                let last = [first[0] + f64::from(tile.cells[0]), first[1] + f64::from(tile.cells[1])];
+                let all = ground[tile.layer_idx].get_or_insert([first[0], first[1], last[0], last[1]]);
+                *all = [all[0].min(first[0]), all[1].min(first[1]), all[2].max(last[0]), all[3].max(last[1])];
+            }
+        }
+        self.suns
+            .par_iter()
+            .map(|disc| {
+                let of_layer = |(idx, ground): (usize, &Option<[f64; 4]>)| {
+                    ground.and_then(|ground| Horizon::new(terrain, idx, ground, disc))
+                };
+                ground.iter().enumerate().map(of_layer).collect()
+            })
+            .collect()
+    }
+
     /// Every ray of a tile by the exact tracer, in f64. `out`: `suns × TILE × TILE`.
-    fn exact_tile(&self, x0: usize, y0: usize, out: &mut [f32]) {
+    fn exact_tile(&self, [x0, y0]: [usize; 2], out: &mut [f32]) {
         for y in y0..(y0 + TILE).min(self.truth.height) {
             for x in x0..(x0 + TILE).min(self.truth.width) {
                 self.exact_pixel(x, y, &mut |s, value| out[(s * TILE + y - y0) * TILE + x - x0] = value);
@@ -148,6 +202,18 @@ impl Job<'_> {
             {
                 *sum += weight * factor;
             }
+        }
+    }
+}
+
+impl Job<'_> {
+    /// Whether the ground that a ray meets is hidden from a place on the Sun's disc.
+    pub(crate) fn exact_shadow(&self, at: &Point2<f64>, sun: &SunDisc, disc: [f32; 2]) -> bool {
+        let Some(ray) = self.view.camera.ray_z1(at) else { return false };
+        let direction = self.view.world_from_cam.vector(&ray);
+        match self.tracer.first_hit(self.view.origin(), direction, 0.0, f64::INFINITY) {
+            Hit::Surface(hit) => self.tracer.occluded(hit.point, sun.towards(disc).into_inner()),
+            _ => false,
         }
     }
 }

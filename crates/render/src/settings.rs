@@ -55,7 +55,7 @@ impl AlbedoMap {
     }
 }
 
-/// The instructions that the fast path may use. The picture is the same with each.
+/// How rays are followed. The picture is the same, bit for bit, with the first three.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InstructionSet {
     /// 512-bit vectors (x86-64 with F, DQ, BW, VL).
@@ -64,6 +64,8 @@ pub enum InstructionSet {
     Avx2,
     /// Plain Rust.
     Scalar,
+    /// No fast path: every ray in f64 by [`crate::Tracer`]. Slow; what the others are compared with.
+    Exact,
 }
 
 impl InstructionSet {
@@ -86,7 +88,7 @@ impl InstructionSet {
             Self::Avx2 => is_x86_feature_detected!("avx2"),
             #[cfg(not(target_arch = "x86_64"))]
             Self::Avx512 | Self::Avx2 => false,
-            Self::Scalar => true,
+            Self::Scalar | Self::Exact => true,
         }
     }
 }

@@ -1,5 +1,8 @@
 //! Truth depth against an independent brute force: tiny steps along the exact ray, no pyramid, no parabolas.
 
+mod common;
+
+use common::{layer, nested};
 use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{Body, Geodetic, Pole, Projection, proj_string::Crs};
 use selenograph_raster::georef::Affine;
@@ -8,59 +11,6 @@ use selenograph_terrain::{Grid, Layer, Terrain};
 
 /// The bar of the issue: 0.1 mm.
 const MAX_ERROR_M: f64 = 1e-4;
-
-/// Rough relief with steep walls, in metres, from map metres.
-fn relief(x: f64, y: f64) -> f64 {
-    let wave = |l: f64, a: f64, p: f64| a * (x / l + p).sin() * (y / l * 1.3 - p).cos();
-    let crater = |cx: f64, cy: f64, r: f64| {
-        let d = (x - cx).hypot(y - cy) / r;
-        if d < 1.0 { -0.25 * r * (1.0 - d * d) } else { 0.05 * r / (d * d * d) }
-    };
-    wave(900.0, 120.0, 0.3)
-        + wave(210.0, 25.0, 1.0)
-        + wave(60.0, 6.0, 2.0)
-        + crater(300.0, -200.0, 400.0)
-        + crater(-900.0, 700.0, 250.0)
-        + crater(0.0, 0.0, 90.0)
-}
-
-fn layer(projection: Projection, body: &Body, origin: [f64; 2], cell: f64, half: usize, rough: f64) -> Layer {
-    let n = 2 * half + 1;
-    let corner = half as f64 * cell;
-    let affine = Affine::new([origin[0] - corner, cell, 0.0, origin[1] + corner, 0.0, -cell]);
-    let crs = Crs { body: body.clone(), projection };
-    let grid = Grid::new(crs, n, n, affine).unwrap();
-    let heights = (0..n * n)
-        .map(|k| {
-            let [x, y] = affine.apply((k % n) as f64, (k / n) as f64);
-            (relief(x - origin[0], y - origin[1]) + rough * ((k as f64 * 12.9898).sin() * 43_758.545).fract())
-                as f32
-        })
-        .collect();
-    Layer::from_heights(grid, heights).unwrap()
-}
-
-/// A finer layer inside a coarser one, equal to it at the rim and rough inside: what nesting makes.
-fn nested(body: &Body, projection: Projection, origin: [f64; 2]) -> Terrain {
-    let coarse = layer(projection, body, origin, 20.0, 120, 0.0);
-    let mut fine = layer(projection, body, origin, 10.0, 80, 2.0);
-    let (n, grid) = (fine.grid.cols, fine.grid.clone());
-    let heights = (0..n * n)
-        .map(|k| {
-            let (i, j) = (k % n, k / n);
-            let at = coarse.grid.grid_from_map().apply(
-                grid.map_from_grid().apply(i as f64, j as f64)[0],
-                grid.map_from_grid().apply(i as f64, j as f64)[1],
-            );
-            let base = coarse.bilinear(at).unwrap().0;
-            let rim = i.min(j).min(n - 1 - i).min(n - 1 - j) as f64;
-            let w = (rim / 8.0).min(1.0);
-            (base + w * (f64::from(fine.node(i, j)) - base)) as f32
-        })
-        .collect();
-    fine = Layer::from_heights(grid, heights).unwrap();
-    Terrain::new(body.clone(), vec![fine, coarse]).unwrap()
-}
 
 /// Steps down to a centimetre where the ray is close to the surface; then bisection. Uses only
 /// [`Terrain::sample`], which the tracer does not. `None`: no hit, or the ray came in below the surface.

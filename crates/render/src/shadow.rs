@@ -1,0 +1,170 @@
+//! Shadow rays in lanes: column by column through the horizon's blocks, cell by cell only where a block is higher than the
+//! ray.
+
+use crate::horizon::Horizon;
+use crate::kernel::{Cell, Nodes, floor, nonzero};
+use crate::simd::{Float16, Int16, Mask16};
+use crate::tile::Tile;
+
+/// A ray is hidden if the ground stands this much above it, metres: rounding of the start.
+const DEEP_M: f32 = 2e-3;
+/// A cell is picked this far beyond a cell's edge, cells.
+const NUDGE_CELLS: f32 = 1e-3;
+
+/// Sixteen points on the ground and directions to the Sun.
+pub(crate) struct ShadowRays<F> {
+    /// Grid coordinates from the tile's first node.
+    pub(crate) c: F,
+    pub(crate) r: F,
+    /// Height above the tile's reference height.
+    pub(crate) z: F,
+    /// Metres along the tile's tangents.
+    pub(crate) a: F,
+    pub(crate) b: F,
+    /// Towards the Sun in the tile's frame.
+    pub(crate) sun: [F; 3],
+}
+
+/// A ray over the grid by metres of its length: linear in column and row, quadratic in height.
+#[derive(Clone, Copy)]
+struct Line<F> {
+    c: F,
+    r: F,
+    z: F,
+    dc: F,
+    dr: F,
+    dz: F,
+    bend: F,
+}
+
+impl<F: Float16> Line<F> {
+    #[inline(always)]
+    fn height(&self, s: F) -> F {
+        self.z + s * (self.dz + s * self.bend)
+    }
+}
+
+/// An index brought into `0..n`.
+#[inline(always)]
+fn clamped<F: Float16>(value: F::Int, n: i32) -> F::Int {
+    value.max(F::Int::splat(0)).min(F::Int::splat(n - 1))
+}
+
+/// Which of the `active` lanes are hidden, and which this path cannot decide.
+#[inline(always)]
+pub(crate) fn occlusion<F: Float16>(
+    tile: &Tile,
+    nodes: &Nodes,
+    horizon: Option<&Horizon>,
+    rays: &ShadowRays<F>,
+    mut active: F::Mask,
+) -> (F::Mask, F::Mask) {
+    let s = F::splat;
+    let int = F::Int::splat;
+    let none = F::Mask::from_bits(0);
+    let Some(horizon) = horizon else { return (none, active) };
+    let [l1, l2, lw] = rays.sun;
+    let line = Line {
+        c: rays.c,
+        r: rays.r,
+        z: rays.z,
+        dc: s(tile.jc[0]) * l1 + s(tile.jc[1]) * l2,
+        dr: s(tile.jr[0]) * l1 + s(tile.jr[1]) * l2,
+        dz: lw + s(tile.inv_r) * (rays.a * l1 + rays.b * l2),
+        bend: s(0.5 * tile.inv_r) * (l1 * l1 + l2 * l2),
+    };
+    let m = &horizon.block_from_grid;
+    let (bc, br) = (f64::from(tile.base[0]), f64::from(tile.base[1]));
+    let (u_base, v_base) = ((m[0] * bc + m[1] * br + m[2]) as f32, (m[3] * bc + m[4] * br + m[5]) as f32);
+    let m = m.map(|v| v as f32);
+    let u = s(u_base) + s(m[0]) * line.c + s(m[1]) * line.r;
+    let v = s(v_base) + s(m[3]) * line.c + s(m[4]) * line.r;
+    let inv_du = s(1.0) / (s(m[0]) * line.dc + s(m[1]) * line.dr);
+    let dv = s(m[3]) * line.dc + s(m[4]) * line.dr;
+    let (columns, strips) = (horizon.columns as i32, horizon.strips as i32);
+    let z_base = s(tile.z_base);
+    let mut column = floor(u);
+    let mut along = s(0.0);
+    let (mut hidden, mut open) = (none, none);
+    while active.any() {
+        let strip = floor(v + along * dv);
+        let col = column.max(int(0)).min(int(columns - 1));
+        let row = strip.max(int(0)).min(int(strips - 1));
+        let inside = F::int_eq(column, col) & F::int_eq(strip, row);
+        // SAFETY: column and strip are clamped to the blocks.
+        let highest = unsafe { F::gather(horizon.highest.as_ptr(), row.mul(int(columns)).add(col)) } - z_base;
+        let foreign = s(f32::MAX).lt(highest) | !inside;
+        open = open | (active & foreign);
+        active = active & !foreign;
+        let leave = ((F::from_int(column) + s(1.0)) - u) * inv_du;
+        let below = active & line.height(along).lt(highest);
+        if below.any() {
+            let found = walk(tile, nodes, &line, along, leave, below);
+            hidden = hidden | found;
+            active = active & !found;
+        }
+        let row = clamped::<F>(floor(v + leave * dv), strips);
+        let idx = row.mul(int(columns + 1)).add(col).add(int(1));
+        // SAFETY: these have one column more than there are blocks, and `col` is a block's.
+        let (lit_above, dark_below) = unsafe {
+            (F::gather(horizon.lit_above.as_ptr(), idx), F::gather(horizon.dark_below.as_ptr(), idx))
+        };
+        let z = line.height(leave) + z_base;
+        let dark = active & z.lt(dark_below);
+        hidden = hidden | dark;
+        active = active & !dark & z.lt(lit_above);
+        along = leave;
+        column = column.add(int(1));
+    }
+    (hidden, open)
+}
+
+/// Which lanes meet the ground between two places, cell by cell.
+#[inline(always)]
+fn walk<F: Float16>(
+    tile: &Tile,
+    nodes: &Nodes,
+    line: &Line<F>,
+    from: F,
+    to: F,
+    mut active: F::Mask,
+) -> F::Mask {
+    let s = F::splat;
+    let int = F::Int::splat;
+    let (dc, dr) = (nonzero(line.dc), nonzero(line.dr));
+    let (inv_c, inv_r) = (s(1.0) / dc, s(1.0) / dr);
+    let probe = from + s(NUDGE_CELLS) / dc.abs().max(dr.abs());
+    let (mut i, mut j) = (floor(line.c + probe * dc), floor(line.r + probe * dr));
+    let (right, down) = (s(0.0).lt(dc), s(0.0).lt(dr));
+    let step_c = F::select_int(right, int(1), int(-1));
+    let step_r = F::select_int(down, int(1), int(-1));
+    let mut next_c = (F::from_int(F::select_int(right, i.add(int(1)), i)) - line.c) * inv_c;
+    let mut next_r = (F::from_int(F::select_int(down, j.add(int(1)), j)) - line.r) * inv_r;
+    let (per_c, per_r) = (inv_c.abs(), inv_r.abs());
+    let mut near = from;
+    let mut hidden = F::Mask::from_bits(0);
+    while active.any() {
+        let far = next_c.min(next_r).min(to);
+        let cell = Cell::new(nodes.cell::<F>(tile.base, tile.z_base, i, j), i, j);
+        let g_near = line.height(near) - cell.height(line.c + near * dc, line.r + near * dr);
+        let g_far = line.height(far) - cell.height(line.c + far * dc, line.r + far * dr);
+        // The clearance in a cell is a parabola; where it opens upwards its lowest point may lie inside.
+        let span = far - near;
+        let bend = line.bend - cell.cross * dc * dr;
+        let slope = g_far - g_near - bend * span * span;
+        // slope² / 4 bend, both by the span, against the clearance at the near end.
+        let dips = s(0.0).lt(bend) & slope.lt(s(0.0)) & (s(0.0) - slope).lt(s(2.0) * bend * span * span);
+        let lowest = g_near - slope * slope / (s(4.0) * bend * span * span).max(s(1e-20));
+        let deep = s(-DEEP_M);
+        let found = active & (g_far.lt(deep) | (dips & lowest.lt(deep)));
+        hidden = hidden | found;
+        active = active & !found & far.lt(to);
+        let across_c = next_c.lt(next_r);
+        i = F::select_int(across_c, i.add(step_c), i);
+        j = F::select_int(across_c, j, j.add(step_r));
+        next_c = F::select(across_c, next_c + per_c, next_c);
+        next_r = F::select(across_c, next_r, next_r + per_r);
+        near = far;
+    }
+    hidden
+}
