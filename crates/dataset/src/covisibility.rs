@@ -46,8 +46,8 @@ pub fn sight(tracer: &Tracer<'_>, point: &Point3<f64>, view: &View) -> Sight {
     }
 }
 
-/// For every pixel of a view, where its ground is in the other view. Rows first; `stride` > 1 takes every so-manieth pixel
-/// along each axis.
+/// For every pixel of a view, where its ground is in the other view. Rows first; `stride` > 1 takes one pixel of so many along
+/// each axis.
 pub fn correspondence(
     tracer: &Tracer<'_>,
     from: &View,

@@ -11,8 +11,9 @@ use selenograph_raster::Raster;
 use selenograph_render::{
     Albedo, Error as RenderError, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
 };
+use selenograph_terrain::cover::{Coverage, Seen};
 
-/// Every so-manieth pixel along each axis decides the overlap (16 384 of a 512 × 512 picture: ±0.4 % at most).
+/// One pixel of so many along each axis decides the overlap (16 384 of a 512 × 512 picture: ±0.4 % at most).
 const OVERLAP_STRIDE: usize = 4;
 
 /// A rendered view.
@@ -78,36 +79,39 @@ pub fn render(
     placed: &PlacedPair,
 ) -> Result<Outcome, Error> {
     let suns = suns(&tracer.terrain().body, placed, &campaign.render)?;
-    let views = placed.views();
-    let mut truths = Vec::with_capacity(2);
-    for view in &views {
-        let truth = match Truth::cast(tracer, view) {
-            Err(RenderError::CameraBelowGround { .. }) => return Ok(Outcome::Refused(Refusal::BelowGround)),
-            other => other?,
-        };
-        if let Some(refusal) = refused(campaign, view, &truth) {
-            return Ok(Outcome::Refused(refusal));
-        }
-        truths.push(truth);
-    }
+    let [a, b] = placed.views();
+    let (truth_a, truth_b) = match (truth(campaign, tracer, &a)?, truth(campaign, tracer, &b)?) {
+        (Ok(truth_a), Ok(truth_b)) => (truth_a, truth_b),
+        (Err(refusal), _) | (_, Err(refusal)) => return Ok(Outcome::Refused(refusal)),
+    };
     let stride = if campaign.output.correspondence { 1 } else { OVERLAP_STRIDE };
-    let sights = [(0, 1), (1, 0)].map(|(from, to)| {
-        covisibility::correspondence(tracer, &views[from], &truths[from], &views[to], stride)
-    });
-    let overlap = covisibility::overlap(&sights[0], &sights[1]);
-    let mut made = Vec::with_capacity(2);
-    for (((name, view), truth), sights) in ViewName::BOTH.into_iter().zip(views).zip(truths).zip(sights) {
+    let a_in_b = covisibility::correspondence(tracer, &a, &truth_a, &b, stride);
+    let b_in_a = covisibility::correspondence(tracer, &b, &truth_b, &a, stride);
+    let overlap = covisibility::overlap(&a_in_b, &b_in_a);
+    let make = |name: ViewName, view: View, truth: Truth, sights: Vec<Sight>| {
         let settings = radiance_settings(campaign, row.pair_id, name);
         let pictures = radiance(tracer, &view, &truth, &suns, &settings)?;
         let light = suns
             .iter()
             .map(|sun| LightMaps::cast(tracer, &view, &truth, sun, campaign.render.shadows))
             .collect();
-        made.push(SceneView { name, view, truth, radiance: pictures, light, sights });
-    }
-    let num_rays = count_rays(campaign, &made, suns.len());
-    let Ok(views) = <[SceneView; 2]>::try_from(made) else { unreachable!("two views were made") };
+        Ok::<_, Error>(SceneView { name, view, truth, radiance: pictures, light, sights })
+    };
+    let views = [make(ViewName::A, a, truth_a, a_in_b)?, make(ViewName::B, b, truth_b, b_in_a)?];
+    let num_rays = count_rays(campaign, &views, suns.len());
     Ok(Outcome::Rendered(Box::new(Scene { pair_id: row.pair_id, views, suns, overlap, num_rays })))
+}
+
+/// The truth of a view, or why the pair is refused.
+fn truth(campaign: &Campaign, tracer: &Tracer<'_>, view: &View) -> Result<Result<Truth, Refusal>, Error> {
+    match Truth::cast(tracer, view) {
+        Err(RenderError::CameraBelowGround { .. }) => Ok(Err(Refusal::BelowGround)),
+        Err(error) => Err(error.into()),
+        Ok(truth) => Ok(match refused(campaign, view, &truth) {
+            Some(refusal) => Err(refusal),
+            None => Ok(truth),
+        }),
+    }
 }
 
 /// The settings of a view's pictures; its rays are its own.
@@ -136,11 +140,13 @@ fn refused(campaign: &Campaign, view: &View, truth: &Truth) -> Option<Refusal> {
     if truth.num_sky > 0 {
         return Some(Refusal::Sky);
     }
-    let limits = &campaign.limits;
-    let is_coarse =
-        |n: &usize| f64::from(truth.cell_m[*n]) > limits.coarse_factor * truth.depth_z[*n] / view.camera.fx;
-    let num_coarse = (0..truth.depth_z.len()).filter(is_coarse).count();
-    (num_coarse as f64 > limits.max_coarse_share * truth.depth_z.len() as f64).then_some(Refusal::Coarse)
+    let limits = campaign.limits.cover();
+    let pixels = truth.depth_z.iter().zip(&truth.cell_m);
+    let seen = pixels.map(|(depth_z, cell_m)| Seen::Ground {
+        cell_m: f64::from(*cell_m),
+        gsd_m: depth_z / view.camera.fx,
+    });
+    (!Coverage::of(seen, &limits).is_enough(&limits)).then_some(Refusal::Coarse)
 }
 
 /// Camera rays, and one ray to each Sun from each of their hits where shadows are cast.

@@ -10,6 +10,7 @@ use crate::Error;
 use crate::generate::settings::{OutputSection, RenderSection, ToneSection};
 use selenograph_geometry::{Camera, Distortion};
 use selenograph_render::Shadows;
+use selenograph_terrain::cover::CoverLimits;
 use serde::{Deserialize, Serialize};
 
 /// A whole campaign. Every key has a default, so that a file says only what it changes.
@@ -232,6 +233,15 @@ impl Default for LimitSection {
 }
 
 impl LimitSection {
+    /// The limits as the terrain's coverage takes them: nothing absent is ever allowed.
+    pub fn cover(&self) -> CoverLimits {
+        CoverLimits {
+            coarse_factor: self.coarse_factor,
+            max_coarse_share: self.max_coarse_share,
+            max_absent_share: 0.0,
+        }
+    }
+
     fn check(&self) -> Result<(), Error> {
         let share = Interval::new(0.0, 1.0);
         check_number("limits.max_attempts", self.max_attempts.into(), Interval::new(1.0, 1e6))?;

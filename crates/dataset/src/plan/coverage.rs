@@ -6,6 +6,7 @@ use super::ground::clearance_m;
 use nalgebra::{Point2, Point3, UnitVector3, Vector3};
 use selenograph_geometry::Camera;
 use selenograph_render::{Hit, Tracer, View};
+use selenograph_terrain::cover::{Coverage, Seen};
 use serde::{Deserialize, Serialize};
 
 /// Why an attempt at a pair was refused.
@@ -90,24 +91,26 @@ pub fn probe(
     let margin = MARGIN_SIGMAS * psf_sigma_px;
     let at = |k: usize, size: usize| (size as f64 + 2.0 * margin) * k as f64 / (side - 1) as f64 - margin;
     let mut ground = Vec::with_capacity(side * side);
-    let mut num_coarse = 0usize;
+    let mut pixels = Vec::with_capacity(side * side);
     for j in 0..side {
         for i in 0..side {
             let pixel = Point2::new(at(i, camera.width), at(j, camera.height));
             // Outside the lens model there is no ray and nothing to refuse.
             let Some(ray) = camera.ray_z1(&pixel) else { continue };
             match tracer.first_hit(origin, world_from_cam.vector(&ray), 0.0, f64::INFINITY) {
+                // The first of either is enough: the other rays need not be cast.
                 Hit::Absent => return Err(Refusal::TerrainAbsent),
                 Hit::Sky => return Err(Refusal::Sky),
                 Hit::Surface(hit) => {
                     let cell_m = tracer.terrain().layers[hit.layer_idx].effective_cell_m(hit.at);
-                    num_coarse += usize::from(cell_m > limits.coarse_factor * hit.t / camera.fx);
+                    pixels.push(Seen::Ground { cell_m, gsd_m: hit.t / camera.fx });
                     ground.push(hit.point);
                 }
             }
         }
     }
-    if num_coarse as f64 > limits.max_coarse_share * ground.len() as f64 {
+    let cover = limits.cover();
+    if !Coverage::of(pixels, &cover).is_enough(&cover) {
         return Err(Refusal::Coarse);
     }
     Ok(ground)
