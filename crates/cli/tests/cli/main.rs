@@ -1,5 +1,7 @@
 //! The binary from outside: what it prints, what it answers, and what it leaves behind.
 
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests may stop and tell why")]
+
 mod bad_campaign;
 mod bad_input;
 mod campaign;

@@ -14,6 +14,9 @@ const SOUTH_POLAR: [u16; 36] = [
 ];
 const RADIUS_M: f64 = 1_737_400.0;
 
+/// Number of a tag; type, count and bytes of its values.
+type Tag = (u16, (u16, usize, Vec<u8>));
+
 /// What a test file holds.
 pub struct Dem {
     pub width: usize,
@@ -57,7 +60,7 @@ impl Dem {
         let long = |value: usize| (4u16, 1, (value as u32).to_le_bytes().to_vec());
         let double =
             |values: &[f64]| (12u16, values.len(), values.iter().flat_map(|v| v.to_le_bytes()).collect());
-        let mut tags: Vec<(u16, (u16, usize, Vec<u8>))> = vec![
+        let mut tags: Vec<Tag> = vec![
             (256, long(self.width)),
             (257, long(self.height)),
             (258, short(&[32])),
@@ -83,7 +86,7 @@ impl Dem {
     }
 }
 
-fn assemble(samples: &[u8], tags: &[(u16, (u16, usize, Vec<u8>))]) -> Vec<u8> {
+fn assemble(samples: &[u8], tags: &[Tag]) -> Vec<u8> {
     let directory = 8 + samples.len();
     let mut overflow_at = directory + 2 + 12 * tags.len() + 4;
     let mut overflow: Vec<u8> = Vec::new();
