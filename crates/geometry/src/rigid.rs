@@ -69,8 +69,13 @@ impl<To: Frame, From: Frame> Rigid3<To, From> {
                 what: format!("determinant {determinant:.3} (mirrored axes)"),
             });
         }
-        // `from_matrix` projects onto SO(3) iteratively, which removes the float32 noise of a stored pose.
-        let quaternion = UnitQuaternion::from_matrix(matrix);
+        // The nearest rotation removes the float32 noise of a stored pose. By SVD: nalgebra's iterative projection stalls
+        // at some half turns.
+        let nearest = matrix.svd(true, true);
+        let (Some(u), Some(v_t)) = (nearest.u, nearest.v_t) else {
+            return Err(Error::NotARotation { what: "its singular values cannot be found".into() });
+        };
+        let quaternion = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t));
         Ok(Self::from_iso(Isometry3::from_parts(Translation3::from(origin_in_to.coords), quaternion)))
     }
 
@@ -169,6 +174,16 @@ mod tests {
         assert!(w >= 0.0);
         let again = Rigid3::<BodyFixed, Cam>::from_quaternion(w, x, y, z, m.origin());
         assert!((again.rotation() - m.rotation()).amax() < 1e-14);
+    }
+
+    #[test]
+    fn half_turns_survive_the_projection() {
+        for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.3, -0.5, 0.81]] {
+            let axis = nalgebra::UnitVector3::new_normalize(Vector3::from(axis));
+            let turn = Rotation3::from_axis_angle(&axis, std::f64::consts::PI);
+            let m = Rigid3::<BodyFixed, Cam>::from_matrix(turn.matrix(), Point3::origin()).unwrap();
+            assert!((m.rotation() - turn.matrix()).amax() < 1e-12, "{axis:?}");
+        }
     }
 
     #[test]

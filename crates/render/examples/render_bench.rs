@@ -6,6 +6,8 @@
 //! with 45° across 512×512 pixels; 64 rays per pixel through a Gaussian of 0.6 px; the Sun's disc at elevation 8°,
 //! azimuth 30° (or `--azimuth`); cast shadows. Prints `selenograph wall_s=<median>` and the parts.
 
+#![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
+
 use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{Body, Camera, Projection, lookat, proj_string::Crs};
 use selenograph_raster::georef::Affine;

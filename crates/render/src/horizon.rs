@@ -34,7 +34,7 @@ pub(crate) struct Horizon {
     pub(crate) block_from_grid: [f64; 6],
     pub(crate) columns: usize,
     pub(crate) strips: usize,
-    /// Highest node in the block and the strips beside it; +∞ where not all of it is this layer's own ground.
+    /// Highest node in the block; +∞ where not all of it is this layer's own ground.
     pub(crate) highest: Vec<f32>,
     pub(crate) lit_above: Vec<f32>,
     pub(crate) dark_below: Vec<f32>,
@@ -79,7 +79,7 @@ impl Horizon {
         let beyond = light.beyond(&stage, 0)?;
         let (highest, own, lowest) = light.block_bounds(&stage, true);
         let (lit_above, dark_below) = light.sweep(&stage, &highest, &lowest, &beyond)?;
-        let walkable: Vec<f32> =
+        let walkable =
             highest.iter().zip(&own).map(|(h, own)| if *own { *h } else { f32::INFINITY }).collect();
         let (a, b) = (light.along, light.across);
         let s = 1.0 / BLOCK_CELLS;
@@ -87,7 +87,7 @@ impl Horizon {
             block_from_grid: [a[0] * s, a[1] * s, -u0 * s, b[0] * s, b[1] * s, -v0 * s],
             columns,
             strips,
-            highest: dilated(&walkable, columns, strips, f32::max),
+            highest: walkable,
             lit_above,
             dark_below,
         })

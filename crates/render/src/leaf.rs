@@ -14,8 +14,20 @@ pub(crate) enum Leaf {
     Absent,
 }
 
-/// Nested layers meet to better than this at their rims; a ray that enters further below came through a hole.
-const CRACK_M: f64 = 0.1;
+/// How a ray comes into a cell.
+#[derive(Clone, Copy)]
+pub(crate) struct Entry {
+    pub(crate) query: Query,
+    /// Over the rim of another layer, where the two surfaces meet in the rim's nodes only.
+    pub(crate) over_seam: bool,
+}
+
+/// A ray that enters a cell further below its surface than rounding came through a hole.
+const CRACK_M: f64 = 1e-3;
+
+/// Between the nodes of a rim a coarse surface may bend where the finer one is straight: a wall of a few metres at most
+/// (2.8 m between the 40 m and 1600 m maps of the lunar south pole). A ray that enters below it has hit that wall.
+const RIM_WALL_M: f64 = 20.0;
 
 /// A shadow ray starts on the surface to this much (rounding of a body-fixed coordinate is 2e-10 m, a polished root 1e-9).
 const START_M: f64 = 1e-6;
@@ -31,17 +43,17 @@ pub(crate) fn leaf_bilinear(
     piece: &Piece,
     s0: f64,
     s1: f64,
-    query: Query,
+    entry: Entry,
 ) -> Leaf {
     let clearance = |s: f64| {
         let (u, v) = (eval(&piece.c, s) - i as f64, eval(&piece.r, s) - j as f64);
         eval(&piece.h, s) - patch.eval(u, v).0
     };
-    crossing(&clearance, s0, s1, query)
+    crossing(&clearance, s0, s1, entry)
 }
 
 /// The C¹ surface over a cell: its patches change at half cells, so the piece is looked at in four parts.
-pub(crate) fn leaf_smooth(layer: &Layer, piece: &Piece, s0: f64, s1: f64, query: Query) -> Leaf {
+pub(crate) fn leaf_smooth(layer: &Layer, piece: &Piece, s0: f64, s1: f64, entry: Entry) -> Leaf {
     const PARTS: usize = 4;
     let height = |s: f64| layer.quadratic_b_spline([eval(&piece.c, s), eval(&piece.r, s)]);
     if height(s0).is_none() || height(s1).is_none() {
@@ -50,7 +62,7 @@ pub(crate) fn leaf_smooth(layer: &Layer, piece: &Piece, s0: f64, s1: f64, query:
     let clearance = |s: f64| height(s).map_or(f64::INFINITY, |(h, ..)| eval(&piece.h, s) - h);
     for part in 0..PARTS {
         let at = |k: usize| s0 + (s1 - s0) * k as f64 / PARTS as f64;
-        match crossing(&clearance, at(part), at(part + 1), query) {
+        match crossing(&clearance, at(part), at(part + 1), entry) {
             Leaf::Clear => {}
             found => return found,
         }
@@ -59,14 +71,15 @@ pub(crate) fn leaf_smooth(layer: &Layer, piece: &Piece, s0: f64, s1: f64, query:
 }
 
 /// The first descent of `clearance` through zero in `[s0, s1]`.
-fn crossing(clearance: &impl Fn(f64) -> f64, s0: f64, s1: f64, query: Query) -> Leaf {
-    let tolerance = match query {
+fn crossing(clearance: &impl Fn(f64) -> f64, s0: f64, s1: f64, entry: Entry) -> Leaf {
+    let tolerance = match entry.query {
         Query::First => 0.0,
         Query::Occlusion => -START_M,
     };
     let (g0, g1) = (clearance(s0), clearance(s1));
     if g0 < tolerance {
-        return if g0 > -CRACK_M { Leaf::Root { lo: s0, hi: s0 } } else { Leaf::Absent };
+        let wall = if entry.over_seam { RIM_WALL_M } else { CRACK_M };
+        return if g0 > -wall { Leaf::Root { lo: s0, hi: s0 } } else { Leaf::Absent };
     }
     let middle = f64::midpoint(s0, s1);
     let gm = clearance(middle);

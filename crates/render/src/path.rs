@@ -177,10 +177,10 @@ pub fn shell_span(terrain: &Terrain, ray: &Ray, t_min: f64, t_max: f64) -> Optio
     let (enter, leave) = ray.sphere(terrain.body.radius_m + highest + MARGIN_M)?;
     let t0 = enter.max(t_min);
     let (mut t1, mut reaches_bottom) = (leave.min(t_max), false);
-    if let Some((bottom, _)) = ray.sphere(terrain.body.radius_m + lowest - MARGIN_M) {
-        if bottom >= t0 && bottom <= t1 {
-            (t1, reaches_bottom) = (bottom, true);
-        }
+    if let Some((bottom, _)) = ray.sphere(terrain.body.radius_m + lowest - MARGIN_M)
+        && (t0..=t1).contains(&bottom)
+    {
+        (t1, reaches_bottom) = (bottom, true);
     }
     (t0 < t1).then_some(ShellSpan { t0, t1, reaches_bottom })
 }

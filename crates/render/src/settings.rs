@@ -139,10 +139,10 @@ impl RadianceSettings {
         if !(self.psf_sigma_px >= 0.0 && self.psf_sigma_px <= 16.0) {
             return bad("psf_sigma_px", "0 to 16 pixels", self.psf_sigma_px.to_string());
         }
-        if let Albedo::Constant(value) = self.albedo {
-            if !(value.is_finite() && value >= 0.0) {
-                return bad("albedo", "a finite value of at least 0", value.to_string());
-            }
+        if let Albedo::Constant(value) = self.albedo
+            && !(value.is_finite() && value >= 0.0)
+        {
+            return bad("albedo", "a finite value of at least 0", value.to_string());
         }
         if !self.instruction_set.is_available() {
             return bad(

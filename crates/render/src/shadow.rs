@@ -87,24 +87,28 @@ pub(crate) fn occlusion<F: Float16>(
     let mut along = s(0.0);
     let (mut hidden, mut open) = (none, none);
     while active.any() {
-        let strip = floor(v + along * dv);
-        let col = column.max(int(0)).min(int(columns - 1));
-        let row = strip.max(int(0)).min(int(strips - 1));
-        let inside = F::int_eq(column, col) & F::int_eq(strip, row);
-        // SAFETY: column and strip are clamped to the blocks.
-        let highest = unsafe { F::gather(horizon.highest.as_ptr(), row.mul(int(columns)).add(col)) } - z_base;
+        let leave = ((F::from_int(column) + s(1.0)) - u) * inv_du;
+        let (strip, strip_out) = (floor(v + along * dv), floor(v + leave * dv));
+        let col = clamped::<F>(column, columns);
+        let (row, row_out) = (clamped::<F>(strip, strips), clamped::<F>(strip_out, strips));
+        let inside = F::int_eq(column, col) & F::int_eq(strip, row) & F::int_eq(strip_out, row_out);
+        // A ray drifts by less than a strip in a column: it touches these two blocks.
+        let (block, block_out) = (row.mul(int(columns)).add(col), row_out.mul(int(columns)).add(col));
+        // SAFETY: column and strips are clamped to the blocks.
+        let (near, far) = unsafe {
+            (F::gather(horizon.highest.as_ptr(), block), F::gather(horizon.highest.as_ptr(), block_out))
+        };
+        let highest = near.max(far) - z_base;
         let foreign = s(f32::MAX).lt(highest) | !inside;
         open = open | (active & foreign);
         active = active & !foreign;
-        let leave = ((F::from_int(column) + s(1.0)) - u) * inv_du;
         let below = active & line.height(along).lt(highest);
         if below.any() {
             let found = walk(tile, nodes, &line, along, leave, below);
             hidden = hidden | found;
             active = active & !found;
         }
-        let row = clamped::<F>(floor(v + leave * dv), strips);
-        let idx = row.mul(int(columns + 1)).add(col).add(int(1));
+        let idx = row_out.mul(int(columns + 1)).add(col).add(int(1));
         // SAFETY: these have one column more than there are blocks, and `col` is a block's.
         let (lit_above, dark_below) = unsafe {
             (F::gather(horizon.lit_above.as_ptr(), idx), F::gather(horizon.dark_below.as_ptr(), idx))

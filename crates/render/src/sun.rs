@@ -87,8 +87,8 @@ mod tests {
         let sun = Sun::from_vector(Vector3::x()).unwrap();
         let n = 100_000;
         // Uniform over the disc's area: rho = sqrt(u).
-        let mean =
-            (0..n).map(|k| sun.disc_weight(((k as f64 + 0.5) / n as f64).sqrt())).sum::<f64>() / n as f64;
+        let rho = |k: i32| ((f64::from(k) + 0.5) / f64::from(n)).sqrt();
+        let mean = (0..n).map(|k| sun.disc_weight(rho(k))).sum::<f64>() / f64::from(n);
         assert!((mean - 1.0).abs() < 1e-6);
         assert!(sun.disc_weight(0.0) > 1.2 && sun.disc_weight(1.0) < 0.51);
     }

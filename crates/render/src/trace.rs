@@ -4,7 +4,7 @@
 //! then polished on the exact path, `|o + t d| = R + h(grid(o + t d))`, so the result carries no error of the
 //! traversal: about 1e-9 m, the rounding of `|p| − R`.
 
-use crate::leaf::{Leaf, leaf_bilinear, leaf_smooth};
+use crate::leaf::{Entry, Leaf, leaf_bilinear, leaf_smooth};
 use crate::path::{self, Piece, Ray, eval, shell_span};
 use nalgebra::{Point3, UnitVector3, Vector3};
 use selenograph_terrain::{Grid, Layer, Terrain};
@@ -214,35 +214,49 @@ impl<'a> Tracer<'a> {
 
     /// Traces one piece through the layers that own its parts.
     fn through(&self, ray: &Ray, candidates: &[(usize, Piece)], query: Query) -> PieceHit {
-        if let [(idx, piece)] = candidates {
-            if piece.inside(&self.layers[*idx].layer.grid) {
-                return self.span(ray, *idx, piece, 0.0, 1.0, query);
-            }
+        if let [(idx, piece)] = candidates
+            && piece.inside(&self.layers[*idx].layer.grid)
+        {
+            return self.span(ray, *idx, piece, 0.0, 1.0, query, None);
         }
         let mut cuts = vec![0.0, 1.0];
         for (idx, piece) in candidates {
             piece.border_crossings(&self.layers[*idx].layer.grid, &mut cuts);
         }
         cuts.sort_by(f64::total_cmp);
+        let mut seam = None;
         for pair in cuts.windows(2).filter(|pair| pair[1] > pair[0]) {
             let middle = f64::midpoint(pair[0], pair[1]);
             let owner = candidates.iter().find(|(idx, piece)| {
                 let at = [eval(&piece.c, middle), eval(&piece.r, middle)];
                 self.layers[*idx].layer.grid.contains(at)
             });
-            let Some((idx, piece)) = owner else { continue };
-            match self.span(ray, *idx, piece, pair[0], pair[1], query) {
-                PieceHit::None => {}
+            let Some((idx, piece)) = owner else {
+                seam = None;
+                continue;
+            };
+            match self.span(ray, *idx, piece, pair[0], pair[1], query, seam) {
+                PieceHit::None => seam = Some(pair[1]),
                 hit => return hit,
             }
         }
         PieceHit::None
     }
 
-    /// Traces `[s0, s1]` of a piece in one layer, cut where column or row turn back.
-    fn span(&self, ray: &Ray, idx: usize, piece: &Piece, s0: f64, s1: f64, query: Query) -> PieceHit {
+    /// Traces `[s0, s1]` of a piece in one layer, cut where column or row turn back. `seam`: the place, if any, where the
+    /// ray comes in over the rim of another layer.
+    fn span(
+        &self,
+        ray: &Ray,
+        idx: usize,
+        piece: &Piece,
+        s0: f64,
+        s1: f64,
+        query: Query,
+        seam: Option<f64>,
+    ) -> PieceHit {
         let view = &self.layers[idx];
-        let walk = Walk { view, piece, interpolation: self.interpolation, query };
+        let walk = Walk { view, piece, interpolation: self.interpolation, query, seam };
         let mut from = s0;
         let mut turns = [path::turning_point(&piece.c), path::turning_point(&piece.r)];
         turns.sort_by(|a, b| a.unwrap_or(2.0).total_cmp(&b.unwrap_or(2.0)));
@@ -361,6 +375,7 @@ struct Walk<'a> {
     piece: &'a Piece,
     interpolation: Interpolation,
     query: Query,
+    seam: Option<f64>,
 }
 
 impl Walk<'_> {
@@ -413,13 +428,13 @@ impl Walk<'_> {
     }
 
     fn leaf(&self, i: usize, j: usize, s0: f64, s1: f64) -> Leaf {
+        let entry = Entry { query: self.query, over_seam: self.seam == Some(s0) };
         match self.interpolation {
-            Interpolation::Bilinear => self
-                .view
-                .layer
-                .patch(i, j)
-                .map_or(Leaf::Clear, |p| leaf_bilinear(&p, i, j, self.piece, s0, s1, self.query)),
-            Interpolation::QuadraticBSpline => leaf_smooth(self.view.layer, self.piece, s0, s1, self.query),
+            Interpolation::Bilinear => {
+                let patch = self.view.layer.patch(i, j);
+                patch.map_or(Leaf::Clear, |p| leaf_bilinear(&p, i, j, self.piece, s0, s1, entry))
+            }
+            Interpolation::QuadraticBSpline => leaf_smooth(self.view.layer, self.piece, s0, s1, entry),
         }
     }
 }

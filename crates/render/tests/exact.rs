@@ -1,5 +1,7 @@
 //! Truth depth against an independent brute force: tiny steps along the exact ray, no pyramid, no parabolas.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod common;
 
 use common::{layer, nested};
@@ -67,7 +69,10 @@ fn compare(
     for _ in 0..num_rays {
         let target =
             enu.point(&Point3::new((rng.next() - 0.5) * spread_m, (rng.next() - 0.5) * spread_m, 0.0));
-        let (az, el) = (rng.next() * 6.283, (el_deg[0] + (el_deg[1] - el_deg[0]) * rng.next()).to_radians());
+        let (az, el) = (
+            rng.next() * std::f64::consts::TAU,
+            (el_deg[0] + (el_deg[1] - el_deg[0]) * rng.next()).to_radians(),
+        );
         let back = enu.vector(&Vector3::new(el.cos() * az.sin(), el.cos() * az.cos(), el.sin()));
         let origin = target + back * ((top + 20.0) / el.sin());
         let t_max = 2.0 * (top + 200.0) / el.sin();

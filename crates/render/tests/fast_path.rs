@@ -1,5 +1,7 @@
 //! The fast path against the exact one, and against itself with other instructions and thread counts.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod common;
 
 use common::{layer, nested};

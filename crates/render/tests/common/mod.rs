@@ -1,5 +1,7 @@
 //! Terrains for the tests.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::georef::Affine;
 use selenograph_terrain::{Grid, Layer, Terrain};
