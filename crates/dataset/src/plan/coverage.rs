@@ -23,6 +23,8 @@ pub enum Refusal {
     Coarse,
     /// A camera below, or too near, the ground.
     BelowGround,
+    /// The baseline of an oblique pair is too short.
+    Baseline,
     /// The epipole of a descent lies outside a picture.
     Epipole,
     /// The two views share too little ground.
@@ -35,12 +37,13 @@ pub enum Refusal {
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::NoFineLayer,
         Self::TerrainAbsent,
         Self::Sky,
         Self::Coarse,
         Self::BelowGround,
+        Self::Baseline,
         Self::Epipole,
         Self::Overlap,
         Self::Dark,
@@ -55,6 +58,7 @@ impl Refusal {
             Self::Sky => "sky",
             Self::Coarse => "coarse",
             Self::BelowGround => "below-ground",
+            Self::Baseline => "baseline",
             Self::Epipole => "epipole",
             Self::Overlap => "overlap",
             Self::Dark => "dark",

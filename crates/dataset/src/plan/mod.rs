@@ -22,7 +22,7 @@ pub use preset::PRESETS;
 pub use table::{PlacedPair, Plan, PoseRow, Row};
 
 use crate::Error;
-use crate::pair::Trajectory;
+use crate::pair::{RelativeGeometry, Trajectory};
 use crate::rng::{Stream, rng};
 use flight::{Aim, Parameters};
 use ground::Footprint;
@@ -193,7 +193,7 @@ impl<'a> Planner<'a> {
         let (place, ground) = if slot.trajectory == Trajectory::LowLight {
             // The flattest of several, among those that the terrain carries.
             let others = (1..self.campaign.low_light.candidates).map(|_| draw(attempt)).collect::<Vec<_>>();
-            std::iter::once(first.clone())
+            std::iter::once(first)
                 .chain(others)
                 .flatten()
                 .min_by(|x, y| x.1.relief_m.total_cmp(&y.1.relief_m))
@@ -213,6 +213,13 @@ impl<'a> Planner<'a> {
                 || !coverage::epipole_inside(&b.camera, &b.world_from_cam, &a.origin())
             {
                 return Err(Refusal::Epipole);
+            }
+        }
+        if trajectory == Trajectory::Oblique {
+            let [a, b] = [&placed.a, &placed.b].map(PoseRow::pose);
+            let b_over_h = RelativeGeometry::new(body, &placed.site, &a, &b).baseline_over_height;
+            if b_over_h < self.campaign.oblique.min_b_over_h {
+                return Err(Refusal::Baseline);
             }
         }
         let min_overlap = match trajectory {

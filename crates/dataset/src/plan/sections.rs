@@ -148,6 +148,8 @@ pub struct ObliqueSection {
     pub azimuth_spread_deg: f64,
     /// The two targets lie this far east and west of the site.
     pub target_shift_m: f64,
+    /// Least baseline over altitude: tilts and azimuths are drawn for each camera, and may nearly agree.
+    pub min_b_over_h: f64,
 }
 
 impl Default for ObliqueSection {
@@ -163,6 +165,7 @@ impl Default for ObliqueSection {
             distance_over_altitude: None,
             azimuth_spread_deg: 10.0,
             target_shift_m: 0.0,
+            min_b_over_h: 0.04,
         }
     }
 }
@@ -185,6 +188,7 @@ impl ObliqueSection {
         }
         check_number("oblique.altitude_band_m", self.altitude_band_m, Interval::new(0.0, 1e6))?;
         check_number("oblique.azimuth_spread_deg", self.azimuth_spread_deg, HALF_TURN)?;
+        check_number("oblique.min_b_over_h", self.min_b_over_h, Interval::new(0.0, 1.0))?;
         check_number("oblique.target_shift_m", self.target_shift_m, Interval::new(0.0, 1e5))
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::pair::{RelativeGeometry, tilt_rad};
+use crate::pair::tilt_rad;
 use crate::test_terrain::{nested, wide};
 use nalgebra::{Matrix3, Vector3};
 use selenograph_geometry::Body;
@@ -98,6 +98,7 @@ fn the_papers_pairs_keep_the_papers_ranges() {
             }
             Trajectory::Oblique => {
                 assert!(tilts.iter().all(|t| (20.0..=35.0).contains(t)), "{tilts:?}");
+                assert!(relative.baseline_over_height >= 0.04, "{relative:?}");
                 for pose in [placed.a.pose(), placed.b.pose()] {
                     assert!(pose.vector(&Vector3::x()).dot(&pose.origin().coords.normalize()).abs() < 1e-9);
                 }
