@@ -155,12 +155,12 @@ pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
 fn label_of(entry: &Entry) -> String {
     let range = |view: &StereoView| {
         let depths = view.depth_z.data.iter().map(|&z| f64::from(z));
-        statistics::summary(depths).map_or("no depth".to_owned(), |depth| {
+        statistics::summary(depths).map_or("no depth".to_owned(), |range_of_z| {
             format!(
                 "{:.1}-{:.1} km {:.1} m/px",
-                depth.min / 1e3,
-                depth.max / 1e3,
-                view.camera.gsd_m(depth.mean)
+                range_of_z.min / 1e3,
+                range_of_z.max / 1e3,
+                view.camera.gsd_m(range_of_z.mean)
             )
         })
     };

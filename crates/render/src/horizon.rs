@@ -201,7 +201,7 @@ impl<'a> Light<'a> {
     }
 
     /// What rays meet beyond the far side of a stage, from the next, coarser stage.
-    fn beyond(&self, stage: &Stage, depth: usize) -> Option<Seeds> {
+    fn beyond(&self, stage: &Stage, stage_idx: usize) -> Option<Seeds> {
         let open = vec![(f32::NEG_INFINITY, f32::NEG_INFINITY); stage.strips];
         let unknown = vec![(f32::INFINITY, f32::NEG_INFINITY); stage.strips];
         let (low, high) = self.terrain.height_range();
@@ -212,20 +212,20 @@ impl<'a> Light<'a> {
         let width = stage.strips as f64 * stage.size;
         let strips = (width / size).ceil() as usize + 2 * side;
         let v0 = stage.v0 - side as f64 * size;
-        if depth == MAX_STAGES {
+        if stage_idx == MAX_STAGES {
             return Some(unknown);
         }
         let next = Stage { u0, v0, size, columns: STAGE_COLUMNS, strips };
         // Rays start on the ground of the finest stage, so in a coarser one they have risen all the way through it; its
         // near side is where they rise least. Above the highest ground nothing further matters.
-        if depth > 0 {
+        if stage_idx > 0 {
             let v = f64::midpoint(v0, v0 + strips as f64 * size);
             let grown = self.run(self.grid(stage.u0, v))?.least_rise * (u0 - stage.u0);
             if grown > high - low {
                 return Some(open);
             }
         }
-        let Some(beyond) = self.beyond(&next, depth + 1) else { return Some(unknown) };
+        let Some(beyond) = self.beyond(&next, stage_idx + 1) else { return Some(unknown) };
         let (highest, _, lowest) = self.block_bounds(&next, false);
         let Some((lit, dark)) = self.sweep(&next, &highest, &lowest, &beyond) else { return Some(unknown) };
         let stride = next.columns + 1;

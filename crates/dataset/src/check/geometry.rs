@@ -90,8 +90,8 @@ pub fn check_pair(name: &str, views: [&RawView; 2], body: &Body, step: usize) ->
         }
     }
     if let [(camera_a, pose_a, depth_a), (camera_b, pose_b, depth_b)] = usable.as_slice() {
-        let a = Stored { camera: camera_a, pose: pose_a, depth: depth_a };
-        let b = Stored { camera: camera_b, pose: pose_b, depth: depth_b };
+        let a = Stored { camera: camera_a, pose: pose_a, depth_values: depth_a };
+        let b = Stored { camera: camera_b, pose: pose_b, depth_values: depth_b };
         compare(name, &a, &b, body, step, &mut check);
     }
     check
@@ -123,7 +123,7 @@ fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: 
     } else if best.is_none_or(|best| best.as_told.is_none()) {
         check.findings.extend(lonely_findings(name, a, b, body));
     }
-    let view = |stored: &Stored| (stored.camera.clone(), *stored.pose, Raster::clone(stored.depth));
+    let view = |stored: &Stored| (stored.camera.clone(), *stored.pose, Raster::clone(stored.depth_values));
     let [(camera_a, pose_a, depth_a), (camera_b, pose_b, depth_b)] = [view(a), view(b)];
     let view_a = View { camera: &camera_a, world_from_cam: &pose_a, depth_z: &depth_a };
     let view_b = View { camera: &camera_b, world_from_cam: &pose_b, depth_z: &depth_b };
@@ -175,7 +175,7 @@ fn reading_findings(name: &str, best: &BestReading) -> Vec<Finding> {
             );
         }
     }
-    if best.depth == DepthReading::Range {
+    if best.depth_reading == DepthReading::Range {
         let message = format!("depth is the distance along the ray, not along the optical axis ({error})");
         findings.push(
             Finding::new(Severity::Error, Code::RangeAsDepth, name, message)

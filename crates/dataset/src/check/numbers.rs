@@ -53,17 +53,17 @@ fn view_numbers(view: &View, body: &Body) -> Option<ViewNumbers> {
     let position = view.world_from_cam.origin();
     let place = body.place(&position);
     let depths = view.depth_z.data.iter().map(|&z| if z > 0.0 { f64::from(z) } else { f64::NAN });
-    let depth = statistics::summary(depths)?;
+    let depth_z = statistics::summary(depths)?;
     let camera = view.camera;
     Some(ViewNumbers {
         altitude_above_sphere_m: place.height_m,
         latitude_deg: place.lat_rad.to_degrees(),
         longitude_deg: wrap_360_deg(place.lon_rad.to_degrees()),
         center_depth_z_m: view.depth_at(camera.width / 2, camera.height / 2),
-        mean_depth_z_m: depth.mean,
-        depth_z_range_m: [depth.min, depth.max],
-        num_absent: depth.num_absent,
-        gsd_m: camera.gsd_m(depth.mean),
+        mean_depth_z_m: depth_z.mean,
+        depth_z_range_m: [depth_z.min, depth_z.max],
+        num_absent: depth_z.num_absent,
+        gsd_m: camera.gsd_m(depth_z.mean),
         tilt_deg: tilt_rad(view.world_from_cam).to_degrees(),
     })
 }

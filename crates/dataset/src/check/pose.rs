@@ -94,7 +94,7 @@ pub struct BestReading {
     /// Of A's and B's pose.
     pub poses: [Reading; 2],
     /// Of both depths.
-    pub depth: DepthReading,
+    pub depth_reading: DepthReading,
     /// Median relative depth difference with it.
     pub median_relative_error: f64,
     /// The same with everything as told; `None` where the views then share nothing.
@@ -118,7 +118,7 @@ pub struct Stored<'a> {
     /// The pose as stored.
     pub pose: &'a Rigid3<BodyFixed, Cam>,
     /// The depth as stored.
-    pub depth: &'a Raster<f32>,
+    pub depth_values: &'a Raster<f32>,
 }
 
 /// Whether the ground of a view lies near the body's sphere.
@@ -141,10 +141,10 @@ pub fn best_reading(a: &Stored, b: &Stored, body: &Body) -> Option<BestReading> 
     let step = (a.camera.width.min(b.camera.width) / GRID).max(1);
     let mut best: Option<BestReading> = None;
     let mut as_told = None;
-    for depth in [DepthReading::DepthZ, DepthReading::Range] {
-        let depths = [a, b].map(|view| match depth {
-            DepthReading::DepthZ => view.depth.clone(),
-            DepthReading::Range => depth_z_from_range(view.camera, view.depth),
+    for depth_reading in [DepthReading::DepthZ, DepthReading::Range] {
+        let depths = [a, b].map(|view| match depth_reading {
+            DepthReading::DepthZ => view.depth_values.clone(),
+            DepthReading::Range => depth_z_from_range(view.camera, view.depth_values),
         });
         let candidates = [(a, &depths[0]), (b, &depths[1])].map(|(view, depth_z)| {
             let poses = Reading::ALL.map(|reading| (reading, reading.pose(view.pose)));
@@ -163,13 +163,19 @@ pub fn best_reading(a: &Stored, b: &Stored, body: &Body) -> Option<BestReading> 
                     continue;
                 }
                 let error = statistics.median_relative_error;
-                let told = depth == DepthReading::DepthZ && [*reading_a, *reading_b] == [Reading::AsTold; 2];
+                let told =
+                    depth_reading == DepthReading::DepthZ && [*reading_a, *reading_b] == [Reading::AsTold; 2];
                 if told {
                     as_told = Some(error);
                 }
                 if best.is_none_or(|best| error < best.median_relative_error) {
                     let poses = [*reading_a, *reading_b];
-                    best = Some(BestReading { poses, depth, median_relative_error: error, as_told: None });
+                    best = Some(BestReading {
+                        poses,
+                        depth_reading,
+                        median_relative_error: error,
+                        as_told: None,
+                    });
                 }
             }
         }
@@ -180,7 +186,7 @@ pub fn best_reading(a: &Stored, b: &Stored, body: &Body) -> Option<BestReading> 
 impl BestReading {
     /// Whether another reading than the one told is clearly the right one.
     pub fn is_another(&self) -> bool {
-        let told = self.depth == DepthReading::DepthZ && self.poses == [Reading::AsTold; 2];
+        let told = self.depth_reading == DepthReading::DepthZ && self.poses == [Reading::AsTold; 2];
         // Without a shared reading as told, the other one has to be good by itself.
         !told
             && self.as_told.map_or(self.median_relative_error < 1e-3, |as_told| {
@@ -191,7 +197,8 @@ impl BestReading {
 
 /// The reading of a single view's pose under which it sees the body, if it does not as told.
 pub fn lonely_reading(view: &Stored, body: &Body) -> Option<Reading> {
-    let sees = |reading: Reading| sees_the_body(view.camera, &reading.pose(view.pose), view.depth, body);
+    let sees =
+        |reading: Reading| sees_the_body(view.camera, &reading.pose(view.pose), view.depth_values, body);
     if sees(Reading::AsTold) { None } else { Reading::ALL.into_iter().find(|reading| sees(*reading)) }
 }
 
@@ -207,12 +214,12 @@ mod tests {
         for stored_as in [Reading::OpenGl, Reading::UpsideDown, Reading::Backward, Reading::Inverse] {
             // Each of these undoes itself, so storing with it and reading with it meet.
             let wrong = stored_as.pose(&b.world_from_cam);
-            let stored_a = Stored { camera: &a.camera, pose: &a.world_from_cam, depth: &a.depth_z };
-            let stored_b = Stored { camera: &b.camera, pose: &wrong, depth: &b.depth_z };
+            let stored_a = Stored { camera: &a.camera, pose: &a.world_from_cam, depth_values: &a.depth_z };
+            let stored_b = Stored { camera: &b.camera, pose: &wrong, depth_values: &b.depth_z };
             let best = best_reading(&stored_a, &stored_b, &body).unwrap();
             assert!(best.is_another(), "{best:?}");
             assert_eq!(best.poses, [Reading::AsTold, stored_as]);
-            assert_eq!(best.depth, DepthReading::DepthZ);
+            assert_eq!(best.depth_reading, DepthReading::DepthZ);
         }
     }
 
@@ -222,14 +229,14 @@ mod tests {
         let ranges = [a.range(), b.range()];
         let stored = |depths: [&Raster<f32>; 2]| {
             best_reading(
-                &Stored { camera: &a.camera, pose: &a.world_from_cam, depth: depths[0] },
-                &Stored { camera: &b.camera, pose: &b.world_from_cam, depth: depths[1] },
+                &Stored { camera: &a.camera, pose: &a.world_from_cam, depth_values: depths[0] },
+                &Stored { camera: &b.camera, pose: &b.world_from_cam, depth_values: depths[1] },
                 &Body::moon(),
             )
             .unwrap()
         };
         let best = stored([&ranges[0], &ranges[1]]);
-        assert!(best.is_another() && best.depth == DepthReading::Range, "{best:?}");
+        assert!(best.is_another() && best.depth_reading == DepthReading::Range, "{best:?}");
         assert!(!stored([&a.depth_z, &b.depth_z]).is_another());
     }
 }

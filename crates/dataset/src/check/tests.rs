@@ -45,9 +45,9 @@ fn has(report: &Report, severity: Severity, code: Code) -> bool {
 }
 
 /// Rewrites the depth of one view under all lights.
-fn replace_depth(folder: &tempfile::TempDir, view: usize, depth: &Raster<f32>, stored: SampleType) {
+fn replace_depth(folder: &tempfile::TempDir, view: usize, depth_values: &Raster<f32>, stored: SampleType) {
     for number in [12, 14, 16].map(|first| first + view) {
-        let channel = Channel { stored, ..Channel::float("Y", depth.data.clone()) };
+        let channel = Channel { stored, ..Channel::float("Y", depth_values.data.clone()) };
         let image =
             ExrImage { width: SIDE, height: SIDE, channels: vec![channel], attributes: BTreeMap::new() };
         std::fs::write(file(folder, number, "exr"), exr::encode(&image).unwrap()).unwrap();
@@ -130,9 +130,9 @@ fn range_as_z_is_found() {
 #[test]
 fn half_float_and_absent_depth_are_found() {
     let (folder, views) = clean_folder(PixelConvention::Center);
-    let mut depth = views[0].depth_z.clone();
-    (depth.data[5], depth.data[6], depth.data[7]) = (f32::INFINITY, 0.0, f32::NAN);
-    replace_depth(&folder, 0, &depth, SampleType::Half);
+    let mut depth_values = views[0].depth_z.clone();
+    (depth_values.data[5], depth_values.data[6], depth_values.data[7]) = (f32::INFINITY, 0.0, f32::NAN);
+    replace_depth(&folder, 0, &depth_values, SampleType::Half);
     // Stored as float, but from a half.
     let rounded = views[1].depth_z.map(|z| f32::from_bits((z.to_bits() + 0x1000) & !0x1fff));
     replace_depth(&folder, 1, &rounded, SampleType::Float);

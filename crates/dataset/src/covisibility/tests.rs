@@ -39,11 +39,11 @@ fn warps_between_views_agree_and_faults_do_not() {
     for trajectory in [Trajectory::Oblique, Trajectory::Dynamic] {
         for [a, b] in pairs(trajectory, 4) {
             let truth = Truth::cast(&tracer, &a).unwrap();
-            let depth = stored(&truth);
-            let [median, p99] = figures(warp_errors_px(&tracer, &a, &depth, &b, 1));
+            let depth_z = stored(&truth);
+            let [median, p99] = figures(warp_errors_px(&tracer, &a, &depth_z, &b, 1));
             assert!(median < MEDIAN_PX && p99 < P99_PX, "{trajectory:?}: {median} {p99}");
-            let fails = |a: &View, depth: &[f32], b: &View| {
-                let errors = warp_errors_px(&tracer, a, depth, b, 1);
+            let fails = |a: &View, depth_z: &[f32], b: &View| {
+                let errors = warp_errors_px(&tracer, a, depth_z, b, 1);
                 errors.len() < 100 || {
                     let [median, p99] = figures(errors);
                     median >= MEDIAN_PX || p99 >= P99_PX
@@ -54,7 +54,7 @@ fn warps_between_views_agree_and_faults_do_not() {
                 camera: Camera { cx: view.camera.cx - 0.5, cy: view.camera.cy - 0.5, ..view.camera.clone() },
                 ..view.clone()
             };
-            assert!(fails(&moved(&a), &depth, &moved(&b)), "{trajectory:?}: half a pixel");
+            assert!(fails(&moved(&a), &depth_z, &moved(&b)), "{trajectory:?}: half a pixel");
             let range: Vec<f32> = truth.range.iter().map(|r| *r as f32).collect();
             assert!(fails(&a, &range, &b), "{trajectory:?}: range as depth");
             // Y and Z of the camera axes turned round: OpenGL's pose read as OpenCV's.
@@ -63,7 +63,7 @@ fn warps_between_views_agree_and_faults_do_not() {
                 Point3::origin(),
             );
             let flipped = View { world_from_cam: &a.world_from_cam * &flip, ..a.clone() };
-            assert!(fails(&flipped, &depth, &b), "{trajectory:?}: flipped pose");
+            assert!(fails(&flipped, &depth_z, &b), "{trajectory:?}: flipped pose");
         }
     }
 }

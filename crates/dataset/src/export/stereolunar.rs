@@ -63,9 +63,9 @@ pub fn write_pair(
     let mut stems = Vec::with_capacity(num_lights);
     for light_idx in 0..num_lights {
         let names = [0, 1].map(|view| stem(2 * (pair_number * LIGHTS_PER_PAIR + light_idx as u64) + view));
-        for ((view, name), (depth, camera)) in pair.views.iter().zip(&names).zip(&geometry) {
+        for ((view, name), (depth_z, camera)) in pair.views.iter().zip(&names).zip(&geometry) {
             let picture = jpeg::encode_grey_as_rgb(&view.images[light_idx], options.jpeg_quality)?;
-            for (extension, bytes) in [("jpg", &picture), ("exr", depth), ("npz", camera)] {
+            for (extension, bytes) in [("jpg", &picture), ("exr", depth_z), ("npz", camera)] {
                 write_whole(&folder.join(format!("{name}.{extension}")), bytes)?;
             }
         }
@@ -78,7 +78,7 @@ pub fn write_pair(
 fn depth_and_camera(view: &StereoView, options: &ExportOptions) -> Result<(Vec<u8>, Vec<u8>), Error> {
     // The samples mark absent depth by infinity, and readers of the format look for what is not finite.
     let samples = view.depth_z.data.iter().map(|&z| if z.is_finite() { z } else { f32::INFINITY }).collect();
-    let depth = exr::encode(&ExrImage {
+    let depth_z = exr::encode(&ExrImage {
         width: view.depth_z.width,
         height: view.depth_z.height,
         channels: vec![Channel::float("Y", samples)],
@@ -94,7 +94,7 @@ fn depth_and_camera(view: &StereoView, options: &ExportOptions) -> Result<(Vec<u
         ("cam2world".to_owned(), Array::new(&[4, 4], Values::F64(pose))),
         ("intrinsics".to_owned(), Array::new(&[3, 3], Values::F64(k.transpose().as_slice().to_vec()))),
     ]))?;
-    Ok((depth, camera))
+    Ok((depth_z, camera))
 }
 
 /// Bytes of a split file: plain arrays that `numpy.load` reads without unpickling.
@@ -261,8 +261,8 @@ mod tests {
         assert_eq!((k[(0, 2)], k[(1, 2)]), (15.5, 15.5));
         // float64 to the last bit, through our own record's quaternion.
         assert!((pose - views[1].pose_matrix()).amax() < 1e-9);
-        let (depth, stored) = read_depth(&scene.join("im_00001.exr")).unwrap();
-        assert_eq!((stored, &depth), (exr::SampleType::Float, &views[1].depth_z));
+        let (depth_z, stored) = read_depth(&scene.join("im_00001.exr")).unwrap();
+        assert_eq!((stored, &depth_z), (exr::SampleType::Float, &views[1].depth_z));
         let image = read_image(&scene.join("im_00000.jpg"), 32, 32).unwrap();
         // 500·(x + y) of 65 535 as 8 bits, less what JPEG loses.
         assert!(image[(16, 16)].abs_diff(62) <= 3);

@@ -63,8 +63,8 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn stored_view(folder: &Path, name: ViewName) -> (View, Vec<f32>, CameraRecord) {
     let record: CameraRecord = read_json(&folder.join(camera_name(name))).unwrap();
     let image = exr::read(&folder.join(truth_name(name))).unwrap();
-    let depth = image.channel("depth_z").unwrap().samples.clone();
-    (View { camera: record.camera().unwrap(), world_from_cam: record.world_from_cam() }, depth, record)
+    let depth_z = image.channel("depth_z").unwrap().samples.clone();
+    (View { camera: record.camera().unwrap(), world_from_cam: record.world_from_cam() }, depth_z, record)
 }
 
 #[test]
@@ -91,12 +91,12 @@ fn a_dataset_has_all_its_files_and_they_agree_with_the_terrain() {
         for (name, sum) in &record.files {
             assert_eq!(blake3::hash(&fs::read(folder.join(name)).unwrap()).to_hex().as_str(), sum);
         }
-        let (a, depth, camera) = stored_view(&folder, ViewName::A);
+        let (a, depth_z, camera) = stored_view(&folder, ViewName::A);
         let (b, ..) = stored_view(&folder, ViewName::B);
         assert_eq!(camera.valid_share, 1.0);
         let gsd = camera.gsd_m.unwrap() * 48.0 / (2.0 * 22.5f64.to_radians().tan());
         assert!(gsd / camera.altitude_over_terrain_m.unwrap() > 0.6, "{gsd}");
-        let [median, p99] = quantiles(warp_errors_px(&tracer(), &a, &depth, &b, 1), [0.5, 0.99]).unwrap();
+        let [median, p99] = quantiles(warp_errors_px(&tracer(), &a, &depth_z, &b, 1), [0.5, 0.99]).unwrap();
         assert!(median < 0.002 && p99 < 0.05, "{median} {p99}");
         assert!(record.overlap.a_in_b >= record.overlap.a_seen_by_b && record.overlap.a_seen_by_b > 0.2);
         // One gain for both views of a light.

@@ -37,7 +37,7 @@ fn read_truth(folder: &Path, view: ViewName) -> Result<(RawView, CameraRecord, E
             format!("{}×{}", truth.width, truth.height),
         ));
     }
-    let depth = truth
+    let channel = truth
         .channel(DEPTH_CHANNEL)
         .ok_or_else(|| unexpected(&path, format!("a channel `{DEPTH_CHANNEL}`"), channel_names(&truth)))?;
     let rows = record.world_from_cam;
@@ -49,8 +49,8 @@ fn read_truth(folder: &Path, view: ViewName) -> Result<(RawView, CameraRecord, E
             Some(row) => row[j],
             None => f64::from(u8::from(j == 3)),
         }),
-        depth_z: Raster { width: truth.width, height: truth.height, data: depth.samples.clone() },
-        depth_stored: depth.stored,
+        depth_z: Raster { width: truth.width, height: truth.height, data: channel.samples.clone() },
+        depth_stored: channel.stored,
         path,
     };
     Ok((raw, record, truth))

@@ -49,7 +49,7 @@ pub(super) struct Crater {
 /// The radial profile, in metres over radii.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
-    depth: f32,
+    bowl_m: f32,
     rim: f32,
     /// Rounding of the crest, metres.
     softness: f32,
@@ -192,7 +192,7 @@ impl Shape {
         let complex = ((km - 12.0) / 10.0).clamp(0.0, 1.0);
         let floor = (0.58 * complex * complex * (3.0 - 2.0 * complex)).max(0.45 * wear * keeps);
         Some(Self {
-            depth: (fresh_depth * left.min(1.0)) as f32,
+            bowl_m: (fresh_depth * left.min(1.0)) as f32,
             rim: (fresh_rim * left.min(1.0).powf(1.3)) as f32,
             softness: (fresh_rim * (0.9 + 4.0 * wear * left)) as f32,
             floor: floor as f32,
@@ -209,10 +209,10 @@ impl Shape {
             w * w
         };
         let crisp = {
-            let wall = self.rim + self.depth * ((square - 1.0) / (1.0 - self.floor * self.floor));
+            let wall = self.rim + self.bowl_m * ((square - 1.0) / (1.0 - self.floor * self.floor));
             let wall = if self.floor > 0.0 {
                 // Floor and wall meet over a slope, not at a crease.
-                -smooth_min(-wall, self.depth - self.rim, 0.25 * self.depth)
+                -smooth_min(-wall, self.bowl_m - self.rim, 0.25 * self.bowl_m)
             } else {
                 wall
             };
@@ -222,7 +222,7 @@ impl Shape {
         let soft = {
             // A worn bowl: (1 − q)² (1.6 q − 1) has a low broad rim and ends level at 1.4 radii.
             let q = (square * (1.0 / (1.4 * 1.4))).min(1.0);
-            self.depth * 0.9 * (1.0 - q) * (1.0 - q) * (1.5 * q - 1.0)
+            self.bowl_m * 0.9 * (1.0 - q) * (1.0 - q) * (1.5 * q - 1.0)
         };
         let mut height = crisp + self.wear * (soft - crisp);
         if self.peak > 0.0 {

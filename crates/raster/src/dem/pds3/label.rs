@@ -167,10 +167,10 @@ impl Scanner<'_> {
         self.value_at(0)
     }
 
-    fn value_at(&mut self, depth: usize) -> Option<Value> {
+    fn value_at(&mut self, level: usize) -> Option<Value> {
         self.skip_blank();
-        if depth < MAX_DEPTH && self.rest.starts_with(['(', '{']) {
-            return self.list(depth);
+        if level < MAX_DEPTH && self.rest.starts_with(['(', '{']) {
+            return self.list(level);
         }
         let quote = self.rest.chars().next()?;
         let text = if matches!(quote, '"' | '\'') {
@@ -194,14 +194,14 @@ impl Scanner<'_> {
         Some(Value::Scalar { text, unit })
     }
 
-    fn list(&mut self, depth: usize) -> Option<Value> {
+    fn list(&mut self, level: usize) -> Option<Value> {
         self.rest = &self.rest[1..];
         let mut items = Vec::new();
         loop {
             if self.eat(')') || self.eat('}') {
                 return Some(Value::List(items));
             }
-            items.push(self.value_at(depth + 1)?);
+            items.push(self.value_at(level + 1)?);
             self.eat(',');
         }
     }
