@@ -62,6 +62,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         truth.num_sky,
         truth.num_absent
     );
+    let started = Instant::now();
+    let light = LightMaps::cast(&tracer, &view, &truth, &sun, Shadows::Cast);
+    let lit = light.lit.iter().map(|v| usize::from(*v)).sum::<usize>();
+    println!("light_s={:.3} lit={:.4}", started.elapsed().as_secs_f64(), lit as f64 / light.lit.len() as f64);
     let mut settings = RadianceSettings::default();
     if has("--attached") {
         settings.shadows = Shadows::Attached;

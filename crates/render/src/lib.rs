@@ -12,6 +12,7 @@ pub mod path;
 mod pattern;
 pub mod radiance;
 pub mod settings;
+mod shade;
 mod shadow;
 mod simd;
 pub mod sun;

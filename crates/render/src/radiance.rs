@@ -61,13 +61,7 @@ pub fn radiance(
         truth,
         settings,
         patterns: Patterns::new(settings.rays_per_pixel as usize, suns.first(), settings.seed),
-        suns: suns
-            .iter()
-            .map(|sun| {
-                let (e1, e2) = tangents(&sun.direction);
-                SunDisc { sun: *sun, e1, e2 }
-            })
-            .collect(),
+        suns: suns.iter().map(SunDisc::new).collect(),
     };
     if suns.len() > MAX_SUNS {
         return Err(Error::Setting {
@@ -219,6 +213,11 @@ impl Job<'_> {
 }
 
 impl SunDisc {
+    pub(crate) fn new(sun: &Sun) -> Self {
+        let (e1, e2) = tangents(&sun.direction);
+        Self { sun: *sun, e1, e2 }
+    }
+
     /// Direction to a place on the disc, given in units of its radius.
     pub(crate) fn towards(&self, disc: [f32; 2]) -> UnitVector3<f64> {
         let radius = self.sun.angular_radius_rad;

@@ -1,5 +1,6 @@
 //! What is true of a picture: geometry per pixel, and light per pixel and Sun.
 
+use crate::shade::Shade;
 use crate::{Error, Hit, Sun, Tracer, View};
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -140,17 +141,22 @@ impl LightMaps {
     /// Angles and shadow for every valid pixel of a truth.
     pub fn cast(tracer: &Tracer<'_>, view: &View, truth: &Truth, sun: &Sun, shadows: Shadows) -> Self {
         let width = truth.width;
-        let pixels: Vec<([f32; 3], u8)> = (0..truth.depth_z.len())
+        let points: Vec<Option<Point3<f64>>> = (0..truth.depth_z.len())
             .into_par_iter()
-            .map(|n| {
-                let Some(point) = truth.point(view, n % width, n / width) else { return ([f32::NAN; 3], 0) };
+            .map(|n| truth.point(view, n % width, n / width))
+            .collect();
+        let shade = (shadows == Shadows::Cast).then(|| Shade::new(tracer, sun, &points));
+        let pixels: Vec<([f32; 3], u8)> = points
+            .par_iter()
+            .enumerate()
+            .map(|(n, point)| {
+                let Some(point) = point else { return ([f32::NAN; 3], 0) };
                 let [nx, ny, nz] = truth.normal[n].map(f64::from);
                 let normal = nalgebra::Vector3::new(nx, ny, nz);
                 let towards_camera = (view.origin() - point).normalize();
                 let angle = |cosine: f64| cosine.clamp(-1.0, 1.0).acos() as f32;
                 let cos_incidence = normal.dot(&sun.direction);
-                let lit = cos_incidence > 0.0
-                    && (shadows == Shadows::Attached || !tracer.occluded(point, sun.direction.into_inner()));
+                let lit = cos_incidence > 0.0 && !shade.as_ref().is_some_and(|shade| shade.hides(point));
                 let angles = [
                     angle(cos_incidence),
                     angle(normal.dot(&towards_camera)),

@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{Body, Camera, Distortion, Projection, lookat};
 use selenograph_raster::Raster;
 use selenograph_render::{
-    InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
+    InstructionSet, Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
 };
 use selenograph_terrain::Terrain;
 
@@ -122,6 +122,29 @@ fn attached_shadows_are_brighter_than_cast_ones_and_never_darker() {
     assert!(cast.data.iter().zip(&attached.data).all(|(c, a)| c <= a));
     let sum = |p: &Raster<f32>| p.data.iter().sum::<f32>();
     assert!(sum(cast) < 0.9 * sum(attached));
+}
+
+#[test]
+fn the_lit_mask_is_that_of_exact_rays() {
+    let moon = Body::moon();
+    for terrain in [single(), nested(&moon, Projection::south_polar(moon.radius_m), OFF)] {
+        let view = view(&terrain, 4000.0, 20.0, 96, Distortion::default());
+        let tracer = Tracer::new(&terrain, Interpolation::Bilinear);
+        let truth = Truth::cast(&tracer, &view).unwrap();
+        for elevation in [2.0, 6.0, 30.0] {
+            let sun = sun(&terrain, &view, 70.0, elevation);
+            let light = LightMaps::cast(&tracer, &view, &truth, &sun, Shadows::Cast);
+            let mut dark = 0;
+            for n in 0..truth.depth_z.len() {
+                let Some(point) = truth.point(&view, n % 96, n / 96) else { continue };
+                let faces = f64::from(light.incidence_rad[n]) < std::f64::consts::FRAC_PI_2;
+                let lit = faces && !tracer.occluded(point, sun.direction.into_inner());
+                assert_eq!(light.lit[n] == 1, lit, "pixel {n} at {elevation}°");
+                dark += usize::from(!lit);
+            }
+            assert!(elevation > 10.0 || dark > 500, "{dark} dark pixels test nothing");
+        }
+    }
 }
 
 #[test]
