@@ -97,6 +97,7 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::Value { .. } => {
             some("`selenograph config show` prints every key with its value and where it came from")
         }
+        Error::Format { .. } => some("check the path; docs/formats.md tells what each file and folder holds"),
         Error::Contradiction { .. } => some("leave one of the two out"),
         Error::UnknownPreset { .. } => some("`selenograph presets` lists them"),
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),

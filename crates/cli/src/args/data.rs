@@ -35,6 +35,15 @@ pub struct Check {
     /// Warp every this many pixels across and down
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub step: usize,
+    /// Instead, render the triplets' pictures from their own depth with the scripts' Suns, and tell how well they agree
+    #[arg(long, conflicts_with = "step")]
+    pub render: bool,
+    /// With --render: write each picture beside its rendering and their difference into this folder
+    #[arg(long, short, value_name = "DIR", requires = "render")]
+    pub out: Option<PathBuf>,
+    /// With --out: overwrite what is there
+    #[arg(long, requires = "out")]
+    pub force: bool,
 }
 
 /// `data sheet`.

@@ -7,5 +7,6 @@ mod bad_input;
 mod campaign;
 mod dem;
 mod help;
+mod photometry;
 mod program;
 mod tiff;

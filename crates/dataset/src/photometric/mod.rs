@@ -7,7 +7,10 @@
 
 pub mod dequantise;
 pub mod fit;
+pub mod report;
 pub mod surface;
+
+pub use report::{ImageFit, Limits, Report, Skipped};
 
 use crate::Error;
 use crate::import::stereolunar::{self, Triplet, TripletPair};
@@ -15,7 +18,7 @@ use fit::Agreement;
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
 use selenograph_raster::Raster;
-use selenograph_raster::codec::Picture;
+use selenograph_raster::codec::png;
 use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -70,10 +73,8 @@ pub struct Settings {
     pub k_convention: PixelConvention,
     /// The body.
     pub body: Body,
-    /// Every picture must correlate at least this well.
-    pub min_pearson: f64,
-    /// Their median must.
-    pub min_median_pearson: f64,
+    /// How well they must be met.
+    pub limits: Limits,
 }
 
 impl Default for Settings {
@@ -88,59 +89,9 @@ impl Default for Settings {
             psf_sigma_px: 0.6,
             k_convention: PixelConvention::Corner,
             body: Body::moon(),
-            min_pearson: 0.98,
-            min_median_pearson: 0.99,
+            limits: Limits::default(),
         }
     }
-}
-
-/// One picture's agreement.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ImageFit {
-    /// The picture.
-    pub image: PathBuf,
-    /// Number of its pair.
-    pub pair_id: u64,
-    /// Number of its light.
-    pub light_idx: usize,
-    /// 0 for A, 1 for B.
-    pub view_idx: usize,
-    /// The Sun it was rendered with.
-    pub sun: SunAngles,
-    /// Correlation over all pixels with depth.
-    pub pearson: f64,
-    /// Root mean square of the difference, grey levels.
-    pub rmse_levels: f64,
-    /// Fitted grey levels per unit of radiance factor.
-    pub gain: f64,
-    /// Pixels compared.
-    pub num_pixels: usize,
-}
-
-/// Something that was not compared, and why.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Skipped {
-    /// The folder or file.
-    pub path: PathBuf,
-    /// The reason.
-    pub reason: String,
-}
-
-/// The agreement of all pictures of a dataset.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
-    /// One entry per picture.
-    pub images: Vec<ImageFit>,
-    /// What was left out.
-    pub skipped: Vec<Skipped>,
-    /// The worst correlation; `None` without pictures.
-    pub worst_pearson: Option<f64>,
-    /// The median correlation.
-    pub median_pearson: Option<f64>,
-    /// The median of the differences' root mean squares, grey levels.
-    pub median_rmse_levels: Option<f64>,
-    /// Whether there were pictures and all limits are kept.
-    pub agrees: bool,
 }
 
 /// A pair with its surfaces worked out: lighting it is cheap.
@@ -168,6 +119,9 @@ pub struct ScenePicture {
     /// Grey levels.
     pub levels: Raster<u8>,
 }
+
+/// Gets a picture, its rendering, and how well they agree.
+pub type Look<'a> = dyn FnMut(&ScenePicture, &Raster<f64>, &ImageFit) -> Result<(), Error> + 'a;
 
 impl Scene {
     /// Reads a pair's depth, cameras and pictures. Depth and camera may come from any light; what else is missing is
@@ -220,8 +174,16 @@ impl Scene {
         fit::render(&self.surfaces[picture.view_idx], &to_sun, settings.psf_sigma_px, shade)
     }
 
-    /// Compares every picture that has a Sun in the settings.
-    pub fn fit(&self, settings: &Settings, skipped: &mut Vec<Skipped>) -> Vec<ImageFit> {
+    /// Compares every picture that has a Sun in the settings; `look` gets each with its rendering.
+    ///
+    /// # Errors
+    /// Those of `look`.
+    pub fn fit(
+        &self,
+        settings: &Settings,
+        skipped: &mut Vec<Skipped>,
+        look: &mut Look<'_>,
+    ) -> Result<Vec<ImageFit>, Error> {
         let mut fits = Vec::new();
         for picture in &self.pictures {
             let mut skip =
@@ -239,7 +201,7 @@ impl Scene {
                 skip("the picture or its rendering is uniform");
                 continue;
             };
-            fits.push(ImageFit {
+            let fit = ImageFit {
                 image: picture.path.clone(),
                 pair_id: self.pair_id,
                 light_idx: picture.light_idx,
@@ -249,9 +211,11 @@ impl Scene {
                 rmse_levels,
                 gain,
                 num_pixels,
-            });
+            };
+            look(picture, &rendered, &fit)?;
+            fits.push(fit);
         }
-        fits
+        Ok(fits)
     }
 }
 
@@ -294,49 +258,86 @@ fn site(rule: SiteRule, poses: &[Rigid3<BodyFixed, Cam>; 2], body: &Body) -> Res
     Ok(Geodetic { height_m: 0.0, ..body.place(&point) })
 }
 
-/// Renders every picture of a folder of triplets (or of the folders directly inside it) and compares.
-/// Folders whose site cannot be told from their name are skipped.
+/// Renders every picture of a folder of triplets (or of the folders directly inside it) and compares; with `pictures`, an
+/// existing folder, each is written there beside its rendering. Folders whose site cannot be told from their name, and
+/// pairs without depth or camera, are skipped; `progress` hears of each pair, done and in all.
 ///
 /// # Errors
-/// [`Error`] for files that are broken, and views without depth or camera.
-pub fn check(root: &Path, settings: &Settings) -> Result<Report, Error> {
+/// [`Error::Format`] if there are no triplets, [`Error`] for files that are broken or cannot be written.
+pub fn check(
+    root: &Path,
+    settings: &Settings,
+    pictures: Option<&Path>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Report, Error> {
     let (mut images, mut skipped) = (Vec::new(), Vec::new());
-    for folder in stereolunar::scenes(root)? {
+    let mut jobs: Vec<(PathBuf, SiteRule, TripletPair)> = Vec::new();
+    let scenes = stereolunar::scenes(root)?;
+    if scenes.is_empty() {
+        return Err(Error::Format {
+            path: root.to_owned(),
+            expected: "triplets `im_NNNNN.jpg/.exr/.npz` here or one folder below".into(),
+            found: "none".into(),
+        });
+    }
+    for folder in scenes {
         let Some(rule) = SiteRule::of_folder(&folder) else {
             let reason = "the site is known for folders named `nadir…` and `oblique…` (or `pitch…`) only";
             skipped.push(Skipped { path: folder, reason: reason.into() });
             continue;
         };
-        for pair in stereolunar::scan(&folder)? {
-            let scene = Scene::read(&pair, rule, settings, &mut skipped)?;
-            images.extend(scene.fit(settings, &mut skipped));
+        let pairs = stereolunar::scan(&folder)?;
+        jobs.extend(pairs.into_iter().map(|pair| (folder.clone(), rule, pair)));
+    }
+    for (done, (folder, rule, pair)) in jobs.iter().enumerate() {
+        if has_geometry(folder, pair, &mut skipped) {
+            let scene = Scene::read(pair, *rule, settings, &mut skipped)?;
+            let mut look = |picture: &ScenePicture, rendered: &Raster<f64>, fit: &ImageFit| match pictures {
+                Some(out) => write_beside(out, picture, rendered, fit.gain),
+                None => Ok(()),
+            };
+            images.extend(scene.fit(settings, &mut skipped, &mut look)?);
         }
+        progress(done + 1, jobs.len());
     }
     Ok(Report::new(images, skipped, settings))
 }
 
-impl Report {
-    fn new(images: Vec<ImageFit>, skipped: Vec<Skipped>, settings: &Settings) -> Self {
-        let median_pearson = median(images.iter().map(|fit| fit.pearson));
-        let worst_pearson = images.iter().map(|fit| fit.pearson).reduce(f64::min);
-        let agrees = worst_pearson.is_some_and(|worst| worst >= settings.min_pearson)
-            && median_pearson.is_some_and(|median| median >= settings.min_median_pearson);
-        let median_rmse_levels = median(images.iter().map(|fit| fit.rmse_levels));
-        Self { images, skipped, worst_pearson, median_pearson, median_rmse_levels, agrees }
+/// Whether both views have depth and a camera under at least one light; what has not is noted.
+fn has_geometry(folder: &Path, pair: &TripletPair, skipped: &mut Vec<Skipped>) -> bool {
+    let mut whole = true;
+    for view_idx in 0..2 {
+        let has = |of: fn(&Triplet) -> bool| {
+            pair.lights.values().filter_map(|views| views[view_idx].as_ref()).any(of)
+        };
+        let missing = [("exr", has(|t| t.exr.is_some())), ("npz", has(|t| t.npz.is_some()))]
+            .map(|(e, is)| (!is).then_some(e));
+        for extension in missing.into_iter().flatten() {
+            let number = 2 * pair.pair_id * stereolunar::LIGHTS_PER_PAIR + view_idx as u64;
+            skipped.push(Skipped {
+                path: folder.join(format!("{}.{extension}", stereolunar::stem(number))),
+                reason: "the file is missing under every light: its pair is left out".into(),
+            });
+            whole = false;
+        }
     }
+    whole
 }
 
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    let (low, high) = (sorted.get(sorted.len().checked_sub(1)? / 2)?, sorted.get(sorted.len() / 2)?);
-    Some((low + high) / 2.0)
+/// Writes `<scene>_<image>.png`.
+fn write_beside(out: &Path, picture: &ScenePicture, rendered: &Raster<f64>, gain: f64) -> Result<(), Error> {
+    let part =
+        |name: Option<&std::ffi::OsStr>| name.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let scene = part(picture.path.parent().and_then(Path::file_name));
+    let path = out.join(format!("{scene}_{}.png", part(picture.path.file_stem())));
+    let bytes = png::encode_grey8(&side_by_side(&picture.levels, rendered, gain))?;
+    std::fs::write(&path, bytes).map_err(Error::io("write", &path))
 }
 
 /// A given picture, its rendering and their difference (doubled, about mid-grey) side by side, for looking.
-pub fn side_by_side(levels: &Raster<u8>, rendered: &Raster<f64>, gain: f64) -> Picture {
+pub fn side_by_side(levels: &Raster<u8>, rendered: &Raster<f64>, gain: f64) -> Raster<u8> {
     let (width, height) = (levels.width, levels.height);
-    Picture::Grey8(Raster::from_fn(3 * width, height, |x, y| {
+    Raster::from_fn(3 * width, height, |x, y| {
         let at = (x % width, y);
         let (given, ours) = (f64::from(levels[at]), gain * rendered[at]);
         // A cast from NaN gives 0: holes are black.
@@ -345,8 +346,10 @@ pub fn side_by_side(levels: &Raster<u8>, rendered: &Raster<f64>, gain: f64) -> P
             1 => ours as u8,
             _ => (128.0 + 2.0 * (ours - given)) as u8,
         }
-    }))
+    })
 }
 
+#[cfg(test)]
+mod cast_shadow;
 #[cfg(test)]
 mod tests;
