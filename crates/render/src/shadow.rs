@@ -102,12 +102,7 @@ pub(crate) fn occlusion<F: Float16>(
         let foreign = s(f32::MAX).lt(highest) | !inside;
         open = open | (active & foreign);
         active = active & !foreign;
-        let below = active & line.height(along).lt(highest);
-        if below.any() {
-            let found = walk(tile, nodes, &line, along, leave, below);
-            hidden = hidden | found;
-            active = active & !found;
-        }
+        // What lies beyond first: ground in this column does not matter to a ray that is hidden further on.
         let idx = row_out.mul(int(columns + 1)).add(col).add(int(1));
         // SAFETY: these have one column more than there are blocks, and `col` is a block's.
         let (lit_above, dark_below) = unsafe {
@@ -116,7 +111,14 @@ pub(crate) fn occlusion<F: Float16>(
         let z = line.height(leave) + z_base;
         let dark = active & z.lt(dark_below);
         hidden = hidden | dark;
-        active = active & !dark & z.lt(lit_above);
+        active = active & !dark;
+        let below = active & line.height(along).lt(highest);
+        if below.any() {
+            let found = walk(tile, nodes, &line, along, leave, below);
+            hidden = hidden | found;
+            active = active & !found;
+        }
+        active = active & z.lt(lit_above);
         along = leave;
         column = column.add(int(1));
     }
@@ -155,12 +157,12 @@ fn walk<F: Float16>(
         // The clearance in a cell is a parabola; where it opens upwards its lowest point may lie inside.
         let span = far - near;
         let bend = line.bend - cell.cross * dc * dr;
-        let slope = g_far - g_near - bend * span * span;
-        // slope² / 4 bend, both by the span, against the clearance at the near end.
-        let dips = s(0.0).lt(bend) & slope.lt(s(0.0)) & (s(0.0) - slope).lt(s(2.0) * bend * span * span);
-        let lowest = g_near - slope * slope / (s(4.0) * bend * span * span).max(s(1e-20));
-        let deep = s(-DEEP_M);
-        let found = active & (g_far.lt(deep) | (dips & lowest.lt(deep)));
+        let arch = bend * span * span;
+        let slope = g_far - g_near - arch;
+        // The lowest point lies slope²/4 arch below the near end; compared without dividing.
+        let dips = s(0.0).lt(arch) & slope.lt(s(0.0)) & (s(0.0) - slope).lt(s(2.0) * arch);
+        let deep_dip = dips & (s(4.0) * arch * (g_near + s(DEEP_M))).lt(slope * slope);
+        let found = active & (g_far.lt(s(-DEEP_M)) | deep_dip);
         hidden = hidden | found;
         active = active & !found & far.lt(to);
         let across_c = next_c.lt(next_r);
