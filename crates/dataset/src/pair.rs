@@ -1,6 +1,7 @@
 //! The records beside the pixels: `camera.json` of a view, `pair.json` of a pair, and where their files lie.
 
 use crate::Error;
+use crate::import::dataset::SourceRecord;
 use nalgebra::{Matrix3, Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Distortion, Geodetic, PixelConvention, Rigid3};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -327,8 +328,8 @@ pub struct PairRecord {
     pub version: u32,
     /// Number in the plan.
     pub pair_id: u64,
-    /// How it was flown.
-    pub trajectory: Trajectory,
+    /// How it was flown; absent where the source of an imported pair does not tell.
+    pub trajectory: Option<Trajectory>,
     /// The body; its `frame` names the world of every vector here.
     pub body: Body,
     /// The ground that the pair was aimed at; azimuths and elevations are told here.
@@ -347,14 +348,17 @@ pub struct PairRecord {
     pub relative_rotation_deg: f64,
     /// Angle at the site between the directions to the two cameras, degrees.
     pub convergence_deg: f64,
-    /// The lights, in file order.
-    pub suns: Vec<SunRecord>,
-    /// One per image: lights in order, A before B.
+    /// The lights, in file order; null where the source of an imported pair does not tell its Sun.
+    pub suns: Vec<Option<SunRecord>>,
+    /// One per image: lights in order, A before B. Empty for imported pairs.
     pub exposures: Vec<ExposureRecord>,
     /// Overlap both ways.
     pub overlap: OverlapRecord,
     /// Every file of the pair beside this one, with its BLAKE3 checksum (hex).
     pub files: std::collections::BTreeMap<String, String>,
+    /// Where an imported pair comes from; absent for pairs that were rendered here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceRecord>,
 }
 
 /// Baseline, rotation and angles of two poses.

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::font;
 use crate::import::{StereoPair, StereoView, selenograph, stereolunar};
-use crate::pair::list_pairs;
+use crate::pair::{Trajectory, list_pairs};
 use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{PixelConvention, pixel};
 use selenograph_raster::codec::png;
@@ -113,7 +113,7 @@ fn load(source: &Source) -> Result<Entry, Error> {
             let label = format!(
                 "{:06} {}  B/H {:.2}  rot {:.0}°  overlap {:.2}/{:.2}",
                 record.pair_id,
-                record.trajectory.as_str(),
+                record.trajectory.map_or("", Trajectory::as_str),
                 record.baseline_over_height,
                 record.relative_rotation_deg,
                 record.overlap.a_in_b,

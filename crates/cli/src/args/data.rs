@@ -16,6 +16,9 @@ pub enum DataCommand {
     /// Training and validation parts that share no ground
     #[command(after_help = "Example:\n  selenograph data split out/dataset --out split.json")]
     Split(Split),
+    /// The paper's triplets (jpg, exr, npz) into our layout
+    #[command(after_help = "Example:\n  selenograph data import stereolunar --out dataset --suns scripts")]
+    Import(Import),
     /// The paper's triplets (jpg, exr, npz) from our dataset
     #[command(
         after_help = "Example:\n  selenograph data export out/dataset --out triplets --split split.json"
@@ -81,6 +84,32 @@ pub struct Split {
     /// Where to write.
     #[command(flatten)]
     pub target: Target,
+}
+
+/// `data import`.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// Folder of triplets, or of such folders `<trajectory>_<n>`
+    #[arg(value_name = "SRC")]
+    pub source: PathBuf,
+    /// Where the triplets' K counts pixels from: the corner (the public samples) or the first pixel's centre
+    #[arg(long, value_name = "WHERE", default_value = "corner")]
+    pub k_convention: KConvention,
+    /// Suns to record: the files hold none
+    #[arg(long, value_name = "WHICH", default_value = "unknown")]
+    pub suns: Suns,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// Suns of imported pairs.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Suns {
+    /// Absent.
+    Unknown,
+    /// The three of the authors' scripts, for folders `nadir…`, `oblique…` and `pitch…`.
+    Scripts,
 }
 
 /// `data export`.

@@ -75,7 +75,7 @@ pub enum Command {
         after_help = "Example:\n  selenograph generate --preset polar-real --terrain terrain --out dataset"
     )]
     Generate(campaign::Generate),
-    /// Datasets: what is wrong with them, pictures of them, splits, the paper's triplets
+    /// Datasets: what is wrong with them, pictures of them, splits, the paper's triplets in and out
     #[command(subcommand)]
     Data(data::DataCommand),
     /// The campaigns that come with the program

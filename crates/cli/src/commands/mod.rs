@@ -5,6 +5,7 @@ mod completions;
 mod config_show;
 mod data_check;
 mod data_export;
+mod data_import;
 mod data_sheet;
 mod data_split;
 mod dem_hillshade;
@@ -43,6 +44,7 @@ pub fn run(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Data(DataCommand::Check(args)) => data_check::run(args, ui),
         Command::Data(DataCommand::Sheet(args)) => data_sheet::run(args, ui),
         Command::Data(DataCommand::Split(args)) => data_split::run(args, ui),
+        Command::Data(DataCommand::Import(args)) => data_import::run(args, ui),
         Command::Data(DataCommand::Export(args)) => data_export::run(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),

@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 16] = [
     "demo",
     "dem info",
     "dem import",
@@ -15,6 +15,7 @@ const COMMANDS: [&str; 15] = [
     "data check",
     "data sheet",
     "data split",
+    "data import",
     "data export",
     "presets",
     "config show",

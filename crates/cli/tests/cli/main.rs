@@ -7,6 +7,7 @@ mod bad_input;
 mod campaign;
 mod dem;
 mod help;
+mod import;
 mod photometry;
 mod program;
 mod tiff;

@@ -163,7 +163,7 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
         format: pair::PAIR_FORMAT.into(),
         version: pair::RECORD_VERSION,
         pair_id,
-        trajectory: Trajectory::Oblique,
+        trajectory: Some(Trajectory::Oblique),
         body,
         site: PlaceRecord::from_place(&site),
         baseline_vector_m: relative.baseline_vector_m.into(),
@@ -173,10 +173,11 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
         cam_b_from_cam_a: relative.cam_b_from_cam_a.rows_3x4(),
         relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
         convergence_deg: relative.convergence_rad.to_degrees(),
-        suns: vec![sun; 2],
+        suns: vec![Some(sun); 2],
         exposures: vec![],
         overlap: OverlapRecord { a_in_b: 0.7, b_in_a: 0.6, a_seen_by_b: 0.7, b_seen_by_a: 0.6 },
         files,
+        source: None,
     };
     std::fs::write(folder.join(pair::PAIR_NAME), pair::json_text(&record, &folder).unwrap()).unwrap();
     folder

@@ -6,7 +6,7 @@
 use crate::Error;
 use crate::import::stereolunar::{LIGHTS_PER_PAIR, SplitTable, stem};
 use crate::import::{StereoPair, StereoView, selenograph};
-use crate::pair::list_pairs;
+use crate::pair::{Trajectory, list_pairs};
 use crate::split::Split;
 use selenograph_geometry::PixelConvention;
 use selenograph_raster::codec::exr::{Attribute, Channel, ExrImage};
@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+
+/// Folder of pairs whose trajectory is not known.
+const UNTOLD_SCENE: &str = "other";
 
 /// How triplets are written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -171,7 +174,7 @@ fn write_scenes(
     std::fs::create_dir_all(root).map_err(Error::io("create", root))?;
     for (done, (pair_id, folder)) in pairs.iter().enumerate() {
         let (pair, record) = selenograph::read_pair(folder)?;
-        let scene = record.trajectory.as_str().to_owned();
+        let scene = record.trajectory.map_or(UNTOLD_SCENE, Trajectory::as_str).to_owned();
         let scene_folder = root.join(&scene);
         std::fs::create_dir_all(&scene_folder).map_err(Error::io("create", &scene_folder))?;
         let number = next_number.entry(scene.clone()).or_insert(0);

@@ -224,11 +224,13 @@ fn pair_record(
     let (body, site): (_, &Geodetic) = (&terrain.body, &placed.site);
     let [a, b] = &scene.views;
     let relative = RelativeGeometry::new(body, site, &a.view.world_from_cam, &b.view.world_from_cam);
-    let suns = scene.suns.iter().zip(&placed.suns).map(|(sun, angles)| SunRecord {
-        azimuth_deg: angles.azimuth_deg,
-        elevation_deg: angles.elevation_deg,
-        direction: sun.direction.into_inner().into(),
-        angular_radius_deg: sun.angular_radius_rad.to_degrees(),
+    let suns = scene.suns.iter().zip(&placed.suns).map(|(sun, angles)| {
+        Some(SunRecord {
+            azimuth_deg: angles.azimuth_deg,
+            elevation_deg: angles.elevation_deg,
+            direction: sun.direction.into_inner().into(),
+            angular_radius_deg: sun.angular_radius_rad.to_degrees(),
+        })
     });
     let exposure = |light_idx: usize, v: usize| {
         let view = &scene.views[v];
@@ -254,7 +256,7 @@ fn pair_record(
         format: PAIR_FORMAT.into(),
         version: RECORD_VERSION,
         pair_id: row.pair_id,
-        trajectory: row.trajectory,
+        trajectory: Some(row.trajectory),
         body: body.clone(),
         site: PlaceRecord::from_place(site),
         baseline_vector_m: relative.baseline_vector_m.into(),
@@ -268,5 +270,6 @@ fn pair_record(
         exposures: (0..scene.suns.len()).flat_map(|light| [exposure(light, 0), exposure(light, 1)]).collect(),
         overlap: scene.overlap,
         files,
+        source: None,
     }
 }

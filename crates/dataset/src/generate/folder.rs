@@ -151,7 +151,7 @@ fn remove_unfinished(target: &Path, shard: Shard) -> Result<(), Error> {
 }
 
 /// Writes a file beside its place and renames it, so that it is whole or not there.
-pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     // Two shards may write the same file at once; each has its own unfinished one.
     let unfinished = path.with_file_name(format!("{UNFINISHED}{}-{name}", std::process::id()));
@@ -171,7 +171,7 @@ pub fn is_complete(target: &Path, pair_id: u64) -> bool {
 }
 
 /// Writes all files of a pair into an unfinished folder and renames it into place.
-pub(super) fn write_pair(target: &Path, pair_id: u64, files: &[(String, Vec<u8>)]) -> Result<(), Error> {
+pub(crate) fn write_pair(target: &Path, pair_id: u64, files: &[(String, Vec<u8>)]) -> Result<(), Error> {
     let folder = pair_folder(target, pair_id);
     let unfinished = unfinished_folder(&folder, pair_id);
     let written = fill(&unfinished, files)

@@ -1,5 +1,6 @@
 //! Pairs from files into memory: our own folders and the StereoLunar triplets.
 
+pub mod dataset;
 pub mod selenograph;
 pub mod stereolunar;
 

@@ -1,0 +1,181 @@
+//! StereoLunar triplets into our own dataset layout, so that every tool reads them: float32 depth, poses with their words,
+//! lossless copies of the pictures, and a note of where each came from.
+//!
+//! A light that lacks a file, or whose geometry is not that of the others, is left out and listed; nothing is invented
+//! that the triplets do not hold (normals, slopes, shadow masks, exposures).
+
+mod triplets;
+
+use super::{stereolunar, unexpected};
+use crate::Error;
+use crate::generate::folder::{write_file, write_pair};
+use crate::photometric::Skipped;
+use rayon::prelude::*;
+use selenograph_geometry::{Body, PixelConvention};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use stereolunar::TripletPair;
+
+/// Which Suns the records of triplets get: the files hold none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ImportedSuns {
+    /// None: absent.
+    #[default]
+    Unknown,
+    /// The three of the authors' scripts, in the frame of the site, for nadir and oblique folders.
+    Scripts,
+}
+
+/// How to import.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImportOptions {
+    /// The body of the triplets, which do not name it.
+    pub body: Body,
+    /// Where their camera matrices put the first pixel's centre.
+    pub k_convention: PixelConvention,
+    /// Which Suns are recorded.
+    pub suns: ImportedSuns,
+    /// When the run began, for the record.
+    pub started: Option<String>,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self {
+            body: Body::moon(),
+            k_convention: PixelConvention::Corner,
+            suns: ImportedSuns::Unknown,
+            started: None,
+        }
+    }
+}
+
+/// Where an imported pair comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceRecord {
+    /// Always `stereolunar`.
+    pub format: String,
+    /// The folder of the triplets.
+    pub scene: String,
+    /// Number of the pair there.
+    pub pair_id: u64,
+    /// Numbers of its lights there, one per light here.
+    pub lights: Vec<u64>,
+    /// What the camera matrices were taken for.
+    pub k_pixel_convention: PixelConvention,
+    /// How the source stores depth: `half` (11 significant bits) or `float`.
+    pub depth_stored: String,
+    /// Where the Suns here are from.
+    pub suns: ImportedSuns,
+    /// The files read, with their BLAKE3 checksums (hex).
+    pub files: BTreeMap<String, String>,
+}
+
+/// What an import has written.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct ImportSummary {
+    /// Pairs written.
+    pub num_pairs: usize,
+    /// Pictures among them.
+    pub num_images: usize,
+    /// Pairs whose depth was stored as half float.
+    pub num_half_float: usize,
+    /// What was left out.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Imports a folder of triplets, or the folders directly inside it, into `out`, which need not exist. Pairs are numbered
+/// through all folders in order; a pair that is left out leaves its number free.
+///
+/// # Errors
+/// [`Error::Format`] if there is nothing to import, [`Error::Io`] in writing. What is wrong with a pair is in the summary.
+pub fn import_dataset(
+    source: &Path,
+    out: &Path,
+    options: &ImportOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<ImportSummary, Error> {
+    let mut jobs: Vec<(u64, PathBuf, TripletPair)> = Vec::new();
+    for scene in stereolunar::scenes(source)? {
+        let pairs = stereolunar::scan(&scene)?;
+        let first = jobs.len() as u64;
+        jobs.extend((first..).zip(pairs).map(|(pair_id, pair)| (pair_id, scene.clone(), pair)));
+    }
+    let num_done = AtomicUsize::new(0);
+    let results: Vec<ImportSummary> = jobs
+        .par_iter()
+        .map(|(pair_id, scene, pair)| {
+            let mut summary = ImportSummary::default();
+            if let Some(pair) = triplets::read(scene, pair, options, &mut summary.skipped) {
+                write_pair(out, *pair_id, &pair.encode(*pair_id, options)?)?;
+                summary.num_pairs = 1;
+                summary.num_images = pair.num_images();
+                summary.num_half_float = usize::from(pair.is_half());
+            }
+            progress(num_done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+            Ok(summary)
+        })
+        .collect::<Result<_, Error>>()?;
+    let mut summary = ImportSummary::default();
+    for one in results {
+        summary.num_pairs += one.num_pairs;
+        summary.num_images += one.num_images;
+        summary.num_half_float += one.num_half_float;
+        summary.skipped.extend(one.skipped);
+    }
+    if summary.num_pairs == 0 {
+        let found = match summary.skipped.first() {
+            Some(skip) => format!("none: {}: {}", skip.path.display(), skip.reason),
+            None => "none".into(),
+        };
+        return Err(unexpected(
+            source,
+            "whole triplets `im_NNNNN.jpg/.exr/.npz` here or one folder below",
+            found,
+        ));
+    }
+    write_file(&out.join("run.toml"), run_toml(source, options, &summary)?.as_bytes())?;
+    Ok(summary)
+}
+
+/// `run.toml` of an import.
+#[derive(Serialize)]
+struct RunRecord<'a> {
+    program: &'static str,
+    version: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    started: Option<&'a str>,
+    imported: &'static str,
+    /// The folder's name; where it lay says nothing on another machine.
+    source: String,
+    k_pixel_convention: PixelConvention,
+    suns: ImportedSuns,
+    body: &'a Body,
+    result: &'a ImportSummary,
+}
+
+fn run_toml(source: &Path, options: &ImportOptions, summary: &ImportSummary) -> Result<String, Error> {
+    let record = RunRecord {
+        program: "selenograph",
+        version: env!("CARGO_PKG_VERSION"),
+        started: options.started.as_deref(),
+        imported: "stereolunar",
+        source: name_of(source),
+        k_pixel_convention: options.k_convention,
+        suns: options.suns,
+        body: &options.body,
+        result: summary,
+    };
+    toml::to_string(&record).map_err(|error| Error::Campaign { what: error.to_string() })
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests;
