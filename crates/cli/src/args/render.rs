@@ -25,6 +25,9 @@ pub struct Render {
     /// Reflectance law with its usual parameters
     #[arg(long, value_name = "LAW", default_value = "hapke1963")]
     pub brdf: Law,
+    /// Brightness of the ground.
+    #[command(flatten)]
+    pub albedo: AlbedoChoice,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,
@@ -73,6 +76,21 @@ pub struct Light {
     /// Shadows that terrain casts, or only where it faces away
     #[arg(long, value_name = "KIND", default_value = "cast")]
     pub shadows: ShadowKind,
+}
+
+/// Brightness of the ground.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Albedo")]
+pub struct AlbedoChoice {
+    /// Georeferenced raster whose values multiply the reflectance
+    #[arg(long, value_name = "MAP")]
+    pub albedo: Option<PathBuf>,
+    /// Its band, from 1 [default: 1]
+    #[arg(long, value_name = "N", requires = "albedo")]
+    pub albedo_band: Option<usize>,
+    /// Value outside the map and in holes of it [default: the map's mean]
+    #[arg(long, value_name = "V", requires = "albedo", allow_negative_numbers = true)]
+    pub albedo_elsewhere: Option<f64>,
 }
 
 /// Kinds of shadow.

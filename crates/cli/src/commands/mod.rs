@@ -1,5 +1,6 @@
 //! What the commands do, one file each.
 
+mod albedo;
 mod clock;
 mod completions;
 mod config_show;

@@ -1,5 +1,6 @@
 //! `render`: one picture with all its truth maps.
 
+use super::albedo::{self, AlbedoRecord};
 use crate::args::render::{CameraPlace, Law, Light, Render, ShadowKind};
 use crate::exit::{Outcome, refuse};
 use crate::target::Draft;
@@ -33,6 +34,8 @@ struct Record {
     sun_direction: [f64; 3],
     shadows: Shadows,
     brdf: Brdf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    albedo: Option<AlbedoRecord>,
     rays_per_pixel: u32,
     psf_sigma_px: f64,
     /// Level = gain × I/F, in shares of full scale.
@@ -68,11 +71,13 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
         ShadowKind::Cast => Shadows::Cast,
         ShadowKind::Attached => Shadows::Attached,
     };
+    let (albedo, albedo_record) = albedo::read(&args.albedo, &terrain.body, ui)?;
     let settings = RadianceSettings {
         rays_per_pixel: args.rays_per_pixel,
         psf_sigma_px: args.psf_sigma_px,
         shadows,
         brdf: law(args.brdf),
+        albedo,
         ..RadianceSettings::default()
     };
     settings.validate()?;
@@ -94,7 +99,7 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
     let mut pictures = radiance(&tracer, &view, &truth, &[sun], &settings)?;
     let Some(radiance) = pictures.pop() else { return Ok(Outcome::Done) };
     let picture = Picture { view, truth, light, radiance };
-    let record = record(args, &terrain, &picture, &sun, &settings);
+    let record = Record { albedo: albedo_record, ..record(args, &terrain, &picture, &sun, &settings) };
     write(draft.path(), &picture, &record)?;
     draft.commit()?;
     if ui.json {
@@ -202,6 +207,7 @@ fn record(
         sun_direction: sun.direction.into_inner().into(),
         shadows: settings.shadows,
         brdf: settings.brdf,
+        albedo: None,
         rays_per_pixel: settings.rays_per_pixel,
         psf_sigma_px: settings.psf_sigma_px,
         gain: Tone::default().exposures(&[&picture.radiance])[0].gain,

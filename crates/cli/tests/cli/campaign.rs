@@ -1,6 +1,8 @@
 //! From a synthetic terrain to triplets, with small pictures.
 
 use crate::program::{Place, names};
+use crate::tiff::Dem;
+use selenograph_raster::codec::exr;
 use std::sync::OnceLock;
 
 /// A campaign that takes no time: three pairs of 48 × 48 pixels under two lights.
@@ -130,4 +132,43 @@ fn presets_and_settings_can_be_read() {
     assert_eq!(of("seed")["value"], 9);
     assert_eq!(of("sites.placement")["origin"], "preset descent");
     assert_eq!(of("limits.max_attempts")["origin"], "default");
+}
+
+#[test]
+fn an_albedo_map_scales_the_picture() {
+    let place = with_terrain();
+    // 4 km round the pole: bright in the west, dark in the east; the picture sees 2.5 km.
+    let side = 8;
+    let values = (0..side * side).map(|k| if k % side < side / 2 { 0.4 } else { 0.1 }).collect();
+    place.write("map.tif", Dem { heights: values, ..Dem::hills(side, 500.0) }.bytes());
+    let line = "render terrain --lat-deg -90 --lon-deg 0 --altitude-m 3000 --width 24 --height 24 --rays-per-pixel 4 \
+                --psf-sigma-px 0 --json --out";
+    place.run(&format!("{line} plain")).ok();
+    let record = place.run(&format!("{line} mapped --albedo map.tif")).ok().json();
+    assert_eq!((&record["albedo"]["file"], &record["albedo"]["band"]), (&"map.tif".into(), &1.into()));
+    let mean = record["albedo"]["mean"].as_f64().unwrap();
+    assert!((mean - 0.25).abs() < 1e-6 && record["albedo"]["elsewhere"].as_f64() == Some(mean));
+    let radiance = |folder: &str| {
+        let truth = exr::read(&place.path(folder).join("truth.exr")).unwrap();
+        truth.channel("radiance_factor").unwrap().samples.clone()
+    };
+    let ratios: Vec<f32> = radiance("mapped")
+        .into_iter()
+        .zip(radiance("plain"))
+        .filter(|(_, plain)| *plain > 0.0)
+        .map(|(mapped, plain)| mapped / plain)
+        .collect();
+    assert!(ratios.len() > 200);
+    // Between the nodes on both sides of the step values are blended.
+    let count = |albedo: f32| ratios.iter().filter(|ratio| (*ratio - albedo).abs() < 1e-3).count();
+    assert!(count(0.4) > 60 && count(0.1) > 60, "{} {}", count(0.4), count(0.1));
+    assert!(ratios.iter().all(|ratio| (0.0999..0.4001).contains(ratio)));
+
+    place.write("below.tif", Dem::flat(8, -1.0).bytes());
+    place.run(&format!("{line} no --albedo below.tif")).refused("goes down to -1", "--albedo-band");
+    place
+        .run(&format!("{line} no --albedo map.tif --albedo-elsewhere -2"))
+        .refused("--albedo-elsewhere -2", "at least 0");
+    place.run(&format!("{line} no --albedo map.tif --albedo-band 3")).refused("band 3", "count from 1");
+    place.run(&format!("{line} no --albedo-band 1")).refused("--albedo", "");
 }
