@@ -4,6 +4,7 @@ use crate::args::Global;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
+use std::time::Instant;
 
 /// The two streams, and how much goes to them.
 pub struct Ui {
@@ -11,22 +12,23 @@ pub struct Ui {
     pub json: bool,
     quiet: bool,
     notes: bool,
+    verbose: bool,
 }
 
 impl Ui {
     /// As asked for on the command line.
     pub fn new(global: &Global) -> Self {
-        Self { json: global.json, quiet: global.quiet, notes: !global.quiet }
+        Self { json: global.json, quiet: global.quiet, notes: !global.quiet, verbose: global.verbose }
     }
 
     /// Before the command line is known.
     pub fn plain() -> Self {
-        Self { json: false, quiet: false, notes: true }
+        Self { json: false, quiet: false, notes: true, verbose: false }
     }
 
-    /// For a step of a longer command: progress bars, but no words of its own and no data.
+    /// For a step of a longer command: progress bars and times, but no words of its own and no data.
     pub fn without_notes(&self) -> Self {
-        Self { json: false, quiet: self.quiet, notes: false }
+        Self { json: false, quiet: self.quiet, notes: false, verbose: self.verbose }
     }
 
     /// A line of data.
@@ -52,6 +54,21 @@ impl Ui {
         if self.notes {
             self.complain(text);
         }
+    }
+
+    /// Details, with --verbose.
+    pub fn detail(&self, text: &str) {
+        if self.verbose {
+            self.complain(text);
+        }
+    }
+
+    /// Does a stage of the work; with --verbose, tells how long it took.
+    pub fn timed<T>(&self, stage: &str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let done = work();
+        self.detail(&format!("time: {stage} {:.3} s", start.elapsed().as_secs_f64()));
+        done
     }
 
     /// Errors and skips: always shown.

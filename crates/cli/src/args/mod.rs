@@ -35,6 +35,9 @@ pub struct Global {
     /// Nothing on stderr but errors and skips
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Resolved settings, instruction set, threads and the time of each stage on stderr
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    pub verbose: bool,
     /// Worker threads [default: one per core]
     #[arg(long, global = true, value_name = "N", env = "SELENOGRAPH_THREADS", hide_env_values = true)]
     pub threads: Option<NonZeroUsize>,

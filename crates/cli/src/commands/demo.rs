@@ -49,15 +49,15 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         base: None,
         target: target(at("moon.tif")),
     };
-    dem_synth::run(&synth, &quiet)?;
+    ui.timed("synthesis", || dem_synth::run(&synth, &quiet))?;
     let import =
         Import { files: vec![at("moon.tif")], reading: Reading::default(), target: target(at("terrain")) };
-    dem_import::run(&import, &quiet)?;
+    ui.timed("import", || dem_import::run(&import, &quiet))?;
 
     let outcome = make_pairs(folder, args.seed, ui)?;
 
     let sheet = Sheet { dataset: at("dataset"), pairs: 64, thumbnail_px: 144, target: target(at("sheets")) };
-    data_sheet::run(&sheet, &quiet)?;
+    ui.timed("sheet", || data_sheet::run(&sheet, &quiet))?;
     draft.commit()?;
     let out = args.target.out.display();
     ui.note(&format!(

@@ -8,7 +8,7 @@ use crate::settings::Layers;
 use crate::target::is_occupied;
 use crate::ui::Ui;
 use selenograph_dataset::generate::folder::CAMPAIGN_NAME;
-use selenograph_dataset::generate::{Existing, Options, Report, Shard, generate};
+use selenograph_dataset::generate::{Existing, Options, Progress, Report, Shard, generate};
 use selenograph_dataset::plan::{Campaign, Plan};
 use selenograph_render::Tracer;
 use selenograph_terrain::{Terrain, store};
@@ -23,7 +23,8 @@ use std::time::Instant;
 pub fn run(args: &Generate, ui: &Ui) -> anyhow::Result<Outcome> {
     let campaign = Layers::from_choice(&args.choice)?.campaign()?;
     let existing = existing(&args.target.out, args.target.force)?;
-    let terrain = Terrain::open(&args.terrain)?;
+    ui.detail(&format!("campaign:\n{}", campaign.to_toml()?));
+    let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
     let plan = match &args.plan {
         Some(path) => Plan::read(path)?,
@@ -63,7 +64,7 @@ pub fn render_all(
 ) -> anyhow::Result<Report> {
     let bar = ui.bar(plan.rows.len() as u64, "pairs");
     let start = Instant::now();
-    let report = generate(campaign, plan, tracer, options, &|progress| {
+    let tell = |progress: Progress| {
         bar.set_length(progress.num_pairs);
         if progress.num_done == 0 {
             // Pairs found complete say nothing about how fast this run is.
@@ -73,7 +74,8 @@ pub fn render_all(
         bar.set_position(progress.num_resumed + progress.num_done);
         let rate = progress.num_rays as f64 / start.elapsed().as_secs_f64().max(1e-3) / 1e6;
         bar.set_message(format!("{rate:.1} Mrays/s"));
-    })?;
+    };
+    let report = ui.timed("render and write pairs", || generate(campaign, plan, tracer, options, &tell))?;
     bar.finish_and_clear();
     for warning in &report.warnings {
         ui.note(&format!("note: {warning}"));

@@ -27,12 +27,23 @@ use crate::args::data::DataCommand;
 use crate::args::dem::DemCommand;
 use crate::exit::Outcome;
 use crate::ui::Ui;
+use selenograph_render::InstructionSet;
 
 /// Runs a command.
 ///
 /// # Errors
 /// Whatever stops it; [`crate::exit`] turns it into a line, a hint and an exit code.
 pub fn run(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
+    ui.detail(&format!(
+        "selenograph {}; instruction set: {:?}; threads: {}\nsettings: {command:#?}",
+        env!("CARGO_PKG_VERSION"),
+        InstructionSet::best(),
+        rayon::current_num_threads()
+    ));
+    ui.timed("total", || dispatch(command, ui))
+}
+
+fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
     match command {
         Command::Demo(args) => demo::run(args, ui),
         Command::Dem(DemCommand::Info(args)) => dem_info::run(args, ui),

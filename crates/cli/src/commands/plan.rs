@@ -25,6 +25,7 @@ pub fn run(args: &Plan, ui: &Ui) -> anyhow::Result<Outcome> {
     let campaign = Layers::from_choice(&args.choice)?.campaign()?;
     // Finds out before the work whether the target can be written.
     drop(Draft::new(&args.target.out, args.target.force)?);
+    ui.detail(&format!("campaign:\n{}", campaign.to_toml()?));
     let terrain = Terrain::open(&args.terrain)?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
     let plan = make_plan(&campaign, &tracer, ui)?;

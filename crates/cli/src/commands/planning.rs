@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 /// # Errors
 /// A campaign that contradicts itself, a terrain that carries none of its pairs.
 pub fn make_plan(campaign: &Campaign, tracer: &Tracer<'_>, ui: &Ui) -> anyhow::Result<Plan> {
-    let planner = Planner::new(campaign, tracer)?;
+    let planner = ui.timed("look at the terrain", || Planner::new(campaign, tracer))?;
     let bar = ui.bar(planner.num_pairs(), "pairs");
     bar.set_message("planning");
-    let plan = planner.plan(&|done| bar.set_position(done));
+    let plan = ui.timed("plan", || planner.plan(&|done| bar.set_position(done)));
     bar.finish_and_clear();
     check_carries(&plan)?;
     Ok(plan)

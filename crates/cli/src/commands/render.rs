@@ -59,7 +59,7 @@ struct Picture {
 /// No terrain, a camera below ground or off the terrain, settings without sense, a target that cannot be written.
 pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = Draft::new(&args.target.out, args.target.force)?;
-    let terrain = Terrain::open(&args.terrain)?;
+    let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, Interpolation::default());
     let place = ground(&terrain, &args.camera)?;
     let view = View { camera: camera(&args.camera)?, world_from_cam: pose(&terrain, &place, &args.camera)? };
@@ -71,7 +71,7 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
         ShadowKind::Cast => Shadows::Cast,
         ShadowKind::Attached => Shadows::Attached,
     };
-    let (albedo, albedo_record) = albedo::read(&args.albedo, &terrain.body, ui)?;
+    let (albedo, albedo_record) = ui.timed("albedo", || albedo::read(&args.albedo, &terrain.body, ui))?;
     let settings = RadianceSettings {
         rays_per_pixel: args.rays_per_pixel,
         psf_sigma_px: args.psf_sigma_px,
@@ -81,7 +81,7 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
         ..RadianceSettings::default()
     };
     settings.validate()?;
-    let truth = Truth::cast(&tracer, &view)?;
+    let truth = ui.timed("truth", || Truth::cast(&tracer, &view))?;
     if truth.depth_z.iter().all(|z| z.is_nan()) {
         return Err(refuse(
             "no pixel sees the terrain",
@@ -95,12 +95,12 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
             truth.depth_z.len()
         ));
     }
-    let light = LightMaps::cast(&tracer, &view, &truth, &sun, shadows);
-    let mut pictures = radiance(&tracer, &view, &truth, &[sun], &settings)?;
+    let light = ui.timed("light maps", || LightMaps::cast(&tracer, &view, &truth, &sun, shadows));
+    let mut pictures = ui.timed("radiance", || radiance(&tracer, &view, &truth, &[sun], &settings))?;
     let Some(radiance) = pictures.pop() else { return Ok(Outcome::Done) };
     let picture = Picture { view, truth, light, radiance };
     let record = Record { albedo: albedo_record, ..record(args, &terrain, &picture, &sun, &settings) };
-    write(draft.path(), &picture, &record)?;
+    ui.timed("encode and write", || write(draft.path(), &picture, &record))?;
     draft.commit()?;
     if ui.json {
         ui.data_json(&record)?;

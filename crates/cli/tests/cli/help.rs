@@ -68,3 +68,25 @@ fn completions_name_every_first_word() {
         assert!(script.stdout.contains("hillshade"), "{shell}");
     }
 }
+
+#[test]
+fn verbose_tells_settings_machine_and_times_and_leaves_data_alone() {
+    let place = crate::campaign::with_terrain();
+    let line = "render terrain --lat-deg -90 --lon-deg 0 --altitude-m 3000 --width 16 --height 16 --json --threads 2";
+    let plain = place.run(&format!("{line} --out one")).ok();
+    let told = place.run(&format!("{line} --out two -v")).ok();
+    assert_eq!(told.stdout, plain.stdout);
+    for words in
+        ["instruction set: ", "threads: 2", "width: 16", "time: truth ", "time: radiance ", "time: total "]
+    {
+        assert!(told.stderr.contains(words), "{words}: {}", told.stderr);
+        assert!(!plain.stderr.contains(words), "{words}: {}", plain.stderr);
+    }
+    let told = place.run("plan tiny.toml --terrain terrain --out plan.csv --verbose").ok();
+    assert!(
+        told.stderr.contains("altitude_levels_m") && told.stderr.contains("time: plan "),
+        "{}",
+        told.stderr
+    );
+    place.run("presets -v -q").refused("cannot be used with", "usage");
+}
