@@ -24,6 +24,10 @@ const STAGE_FACTOR: f64 = 4.0;
 const MAX_STAGES: usize = 5;
 /// Bounds are widened by this, metres: rounding of f32 heights in the kernels.
 const MARGIN_M: f64 = 0.02;
+/// Marks a block as foreign; no terrain is half as high, and a f32 this large still knows a sixteenth of a metre.
+pub(crate) const FOREIGN_M: f32 = 1_048_576.0;
+/// Boxes of more cells than this are bounded by the pyramid, smaller ones cell by cell.
+const MAX_CLIPPED_CELLS: f64 = 64.0;
 /// Above this drift (strips per column) the disc surrounds the zenith and has no azimuth.
 const MAX_DRIFT: f64 = 0.5;
 
@@ -34,7 +38,8 @@ pub(crate) struct Horizon {
     pub(crate) block_from_grid: [f64; 6],
     pub(crate) columns: usize,
     pub(crate) strips: usize,
-    /// Highest node in the block; +∞ where not all of it is this layer's own ground.
+    /// Highest ground in the block; [`FOREIGN_M`] more where not all of it is this layer's own, so that its cells cannot be
+    /// walked.
     pub(crate) highest: Vec<f32>,
     pub(crate) lit_above: Vec<f32>,
     pub(crate) dark_below: Vec<f32>,
@@ -80,7 +85,7 @@ impl Horizon {
         let (highest, own, lowest) = light.block_bounds(&stage, true);
         let (lit_above, dark_below) = light.sweep(&stage, &highest, &lowest, &beyond)?;
         let walkable =
-            highest.iter().zip(&own).map(|(h, own)| if *own { *h } else { f32::INFINITY }).collect();
+            highest.iter().zip(&own).map(|(h, own)| if *own { *h } else { *h + FOREIGN_M + 0.125 }).collect();
         let (a, b) = (light.along, light.across);
         let s = 1.0 / BLOCK_CELLS;
         Some(Self {
@@ -306,24 +311,30 @@ impl<'a> Light<'a> {
         })
     }
 
-    /// Bounds over every layer under a box; −∞ to −∞ where there is none, and unknown where a map does not reach.
+    /// Bounds of the surface under a box, whichever layers carry it; −∞ to −∞ where there is none, unknown (−∞ to ∞) where a
+    /// map does not reach.
     fn any_layer(&self, bounds: [f64; 4]) -> (f32, f32) {
-        let Some(points) = self.corner_points(bounds) else { return (f32::NEG_INFINITY, f32::INFINITY) };
+        const UNKNOWN: (f32, f32) = (f32::NEG_INFINITY, f32::INFINITY);
+        let Some(points) = self.corner_points(bounds) else { return UNKNOWN };
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        let mut covered = false;
         for layer in &self.terrain.layers {
-            let Some([c0, r0, c1, r1]) = box_on(layer, &points) else {
-                return (f32::NEG_INFINITY, f32::INFINITY);
-            };
+            let Some([c0, r0, c1, r1]) = box_on(layer, &points) else { return UNKNOWN };
             let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
             if c1 < 0.0 || r1 < 0.0 || c0 > last_c || r0 > last_r {
                 continue;
             }
-            let (lo, hi) = layer.pyramid.bounds(c0, r0, c1, r1);
+            let (lo, hi) = if (c1 - c0 + 2.0) * (r1 - r0 + 2.0) > MAX_CLIPPED_CELLS {
+                layer.pyramid.bounds(c0, r0, c1, r1)
+            } else {
+                clipped_bounds(layer, [c0, r0, c1, r1])
+            };
             (low, high) = (low.min(lo), high.max(hi));
-            covered |= c0 >= 0.0 && r0 >= 0.0 && c1 <= last_c && r1 <= last_r;
+            if c0 >= 0.0 && r0 >= 0.0 && c1 <= last_c && r1 <= last_r {
+                // Coarser layers carry nothing here.
+                return (low, high);
+            }
         }
-        (if covered { low } else { f32::NEG_INFINITY }, high)
+        (f32::NEG_INFINITY, high)
     }
 
     /// The sweep against the light. Both results have one column more than the stage has blocks.
@@ -375,12 +386,39 @@ impl<'a> Light<'a> {
     }
 }
 
-/// Bounding box of points on a layer's grid, a cell larger on every side.
+/// Bounds of a layer's bilinear surface over a box of a few cells: in each cell the extremes lie at the corners of what the
+/// box cuts out of it. The lower bound is −∞ next to an absent node.
+fn clipped_bounds(layer: &Layer, [c0, r0, c1, r1]: [f64; 4]) -> (f32, f32) {
+    let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
+    let (i0, j0) = layer.cell_of([c0.max(0.0), r0.max(0.0)]);
+    let (i1, j1) = layer.cell_of([c1.min(last_c), r1.min(last_r)]);
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for j in j0..=j1 {
+        for i in i0..=i1 {
+            let Some(patch) = layer.patch(i, j) else {
+                low = f64::NEG_INFINITY;
+                continue;
+            };
+            for u in [c0, c1] {
+                for v in [r0, r1] {
+                    let (h, ..) = patch.eval((u - i as f64).clamp(0.0, 1.0), (v - j as f64).clamp(0.0, 1.0));
+                    (low, high) = (low.min(h), high.max(h));
+                }
+            }
+        }
+    }
+    ((low - MARGIN_M) as f32, (high + MARGIN_M) as f32)
+}
+
+/// Bounding box of a box's corners on a layer's grid, with room for what bulges between them on another map.
 fn box_on(layer: &Layer, points: &[Point3<f64>; 4]) -> Option<[f64; 4]> {
     let mut b = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     for point in points {
         let [c, r] = layer.grid.grid_from_point(point)?;
         b = [b[0].min(c), b[1].min(r), b[2].max(c), b[3].max(r)];
     }
-    Some([b[0] - 1.0, b[1] - 1.0, b[2] + 1.0, b[3] + 1.0])
+    // An edge of length s bends by s²/8R on any map that is smooth here; four times that, and a hundredth of a cell.
+    let side = (points[0] - points[3]).norm();
+    let room = 0.5 * side * side / layer.grid.crs.body.radius_m / layer.cell_m + 0.01;
+    Some([b[0] - room, b[1] - room, b[2] + room, b[3] + room])
 }

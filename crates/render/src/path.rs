@@ -4,6 +4,7 @@
 //! parabola to well under a millimetre, which is enough to find the cell; the root itself is polished on the exact path.
 
 use nalgebra::{Point3, Vector3};
+use selenograph_geometry::Projection;
 use selenograph_terrain::{Grid, Terrain};
 
 /// A ray in the body-fixed frame: `origin + t · direction`.
@@ -65,27 +66,56 @@ fn parabola(start: f64, middle: f64, end: f64) -> [f64; 3] {
     [start, end - start - second, second]
 }
 
-/// The parabolic piece of a ray on a grid; `None` where the projection does not reach.
-pub fn piece(grid: &Grid, radius_m: f64, ray: &Ray, t0: f64, t1: f64) -> Option<Piece> {
-    let at = |t: f64| {
-        let p = ray.at(t);
-        let [c, r] = grid.grid_from_point(&p)?;
-        Some([c, r, p.coords.norm() - radius_m])
-    };
-    let (a, m, b) = (at(t0)?, at(f64::midpoint(t0, t1))?, at(t1)?);
-    let along = |k: usize| parabola(a[k], m[k], b[k]);
-    Some(Piece { t0, t1, c: along(0), r: along(1), h: along(2) })
+/// Three places of a ray on one map: at both ends and in the middle of a piece.
+#[derive(Debug, Clone, Copy)]
+pub struct OnMap {
+    map: [[f64; 2]; 3],
+    height_m: [f64; 3],
+    t0: f64,
+    t1: f64,
 }
 
-/// Longest piece: its parabola is off by less than 0.1 mm (third order, `s³/R²`).
+impl OnMap {
+    /// Between two ray parameters; `None` where the projection does not reach.
+    pub fn new(projection: &Projection, radius_m: f64, ray: &Ray, t0: f64, t1: f64) -> Option<Self> {
+        let (mut map, mut height_m) = ([[0.0; 2]; 3], [0.0; 3]);
+        for (k, t) in [t0, f64::midpoint(t0, t1), t1].into_iter().enumerate() {
+            let p = ray.at(t);
+            map[k] = projection.map_from_point(&p)?;
+            height_m[k] = p.coords.norm() - radius_m;
+        }
+        Some(Self { map, height_m, t0, t1 })
+    }
+
+    /// The parabolic piece on a grid of this map.
+    pub fn piece(&self, grid: &Grid) -> Piece {
+        let [a, m, b] = self.map.map(|[x, y]| grid.grid_from_map().apply(x, y));
+        let [ha, hm, hb] = self.height_m;
+        Piece {
+            t0: self.t0,
+            t1: self.t1,
+            c: parabola(a[0], m[0], b[0]),
+            r: parabola(a[1], m[1], b[1]),
+            h: parabola(ha, hm, hb),
+        }
+    }
+}
+
+/// Longest piece when the hit is wanted: its parabola is off by less than 0.1 mm (third order, `s³/R²`).
 pub const MAX_PIECE_M: f64 = 3000.0;
 
-/// How far a parabola may be off the true path before the piece is cut in half, cells. Only cylindrical maps next to a
-/// pole come near it.
+/// Longest piece when only a shadow is wanted: off by less than 5 mm.
+pub const MAX_SHADOW_PIECE_M: f64 = 12_000.0;
+
+/// How far a parabola may be off the true path before the piece is cut in half, cells.
 const PIECE_TOLERANCE_CELLS: f64 = 1e-3;
 
-/// Whether a piece follows the exact path a quarter of the way in.
+/// Whether a piece follows the exact path a quarter of the way in. Only cylindrical maps next to a pole and orthographic ones
+/// next to their limb need asking: a polar map is smooth wherever it is used.
 pub fn is_faithful(grid: &Grid, ray: &Ray, piece: &Piece) -> bool {
+    if matches!(grid.crs.projection, Projection::PolarStereographic { .. }) {
+        return true;
+    }
     let t = piece.t0 + 0.25 * (piece.t1 - piece.t0);
     grid.grid_from_point(&ray.at(t)).is_some_and(|[c, r]| {
         (c - eval(&piece.c, 0.25)).abs() + (r - eval(&piece.r, 0.25)).abs() < PIECE_TOLERANCE_CELLS

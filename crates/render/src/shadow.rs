@@ -1,7 +1,7 @@
 //! Shadow rays in lanes: column by column through the horizon's blocks, cell by cell only where a block is higher than the
 //! ray.
 
-use crate::horizon::Horizon;
+use crate::horizon::{FOREIGN_M, Horizon};
 use crate::kernel::{Cell, Nodes, floor, nonzero};
 use crate::simd::{Float16, Int16, Mask16};
 use crate::tile::Tile;
@@ -98,10 +98,14 @@ pub(crate) fn occlusion<F: Float16>(
         let (near, far) = unsafe {
             (F::gather(horizon.highest.as_ptr(), block), F::gather(horizon.highest.as_ptr(), block_out))
         };
+        let mark = s(FOREIGN_M);
+        let half_mark = s(0.5 * FOREIGN_M);
+        let foreign = half_mark.lt(near.max(far));
+        let near = F::select_lt(half_mark, near, near - mark, near);
+        let far = F::select_lt(half_mark, far, far - mark, far);
         let highest = near.max(far) - z_base;
-        let foreign = s(f32::MAX).lt(highest) | !inside;
-        open = open | (active & foreign);
-        active = active & !foreign;
+        open = open | (active & !inside);
+        active = active & inside;
         // What lies beyond first: ground in this column does not matter to a ray that is hidden further on.
         let idx = row_out.mul(int(columns + 1)).add(col).add(int(1));
         // SAFETY: these have one column more than there are blocks, and `col` is a block's.
@@ -113,6 +117,9 @@ pub(crate) fn occlusion<F: Float16>(
         hidden = hidden | dark;
         active = active & !dark;
         let below = active & line.height(along).lt(highest);
+        open = open | (below & foreign);
+        active = active & !(below & foreign);
+        let below = below & !foreign;
         if below.any() {
             let found = walk(tile, nodes, &line, along, leave, below);
             hidden = hidden | found;

@@ -5,8 +5,9 @@
 //! traversal: about 1e-9 m, the rounding of `|p| − R`.
 
 use crate::leaf::{Entry, Leaf, leaf_bilinear, leaf_smooth};
-use crate::path::{self, Piece, Ray, eval, shell_span};
+use crate::path::{self, OnMap, Piece, Ray, eval, shell_span};
 use nalgebra::{Point3, UnitVector3, Vector3};
+use selenograph_geometry::Projection;
 use selenograph_terrain::{Grid, Layer, Terrain};
 use serde::{Deserialize, Serialize};
 
@@ -185,7 +186,11 @@ impl<'a> Tracer<'a> {
         /// Shortest piece, metres: a map that is not smooth at this length has a seam there.
         const MIN_PIECE_M: f64 = 1.0;
         let speed = ray.direction.norm();
-        let mut length = path::MAX_PIECE_M / speed;
+        let longest = match query {
+            Query::First => path::MAX_PIECE_M,
+            Query::Occlusion => path::MAX_SHADOW_PIECE_M,
+        };
+        let mut length = longest / speed;
         let mut from = t0;
         while from < t1 {
             let to = if from + 1.5 * length > t1 { t1 } else { from + length };
@@ -208,9 +213,17 @@ impl<'a> Tracer<'a> {
     /// The layers that a piece touches, finest first, ending with the first one that holds all of it.
     fn candidates(&self, ray: &Ray, t0: f64, t1: f64) -> Vec<(usize, Piece)> {
         let mut found = Vec::with_capacity(self.layers.len());
+        // Nested layers mostly share one map: the ray is projected once for all of them.
+        let mut last: Option<(&Projection, Option<OnMap>)> = None;
         for (idx, view) in self.layers.iter().enumerate() {
             let grid = &view.layer.grid;
-            let Some(piece) = path::piece(grid, self.terrain.body.radius_m, ray, t0, t1) else { continue };
+            let projection = &grid.crs.projection;
+            let on_map = match last {
+                Some((known, on_map)) if known == projection => on_map,
+                _ => OnMap::new(projection, self.terrain.body.radius_m, ray, t0, t1),
+            };
+            last = Some((projection, on_map));
+            let Some(piece) = on_map.map(|on_map| on_map.piece(grid)) else { continue };
             if piece.outside(grid) {
                 continue;
             }
