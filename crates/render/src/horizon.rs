@@ -16,8 +16,10 @@ use selenograph_terrain::{Layer, Terrain};
 
 /// Side of a block of the finest grid, cells.
 const BLOCK_CELLS: f64 = 4.0;
-/// Columns beyond the picture's ground in fine blocks.
-const MARGIN_COLUMNS: usize = 192;
+/// Columns beyond the picture's ground in fine blocks: as many as a ray needs to outgrow the highest ground, within these.
+const MARGIN_COLUMNS: [f64; 2] = [32.0, 768.0];
+/// Columns that a ray may skip at once where it is above all of them.
+pub(crate) const SKIPS: [usize; 2] = [8, 64];
 /// Columns of each coarser stage, whose blocks are this many times larger than the last stage's.
 const STAGE_COLUMNS: usize = 128;
 const STAGE_FACTOR: f64 = 4.0;
@@ -43,6 +45,9 @@ pub(crate) struct Horizon {
     pub(crate) highest: Vec<f32>,
     pub(crate) lit_above: Vec<f32>,
     pub(crate) dark_below: Vec<f32>,
+    /// For each of [`SKIPS`]: the highest ground in that many columns and the strips beside; `columns / skip` to a strip,
+    /// rounded up.
+    pub(crate) highest_of: [Vec<f32>; 2],
 }
 
 /// The direction of the light in the plane of a grid.
@@ -75,7 +80,11 @@ impl Horizon {
             corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p[k]), b.max(p[k])))
         };
         let ((u0, u1), (v0, v1)) = (range(0), range(1));
-        let columns = ((u1 - u0) / BLOCK_CELLS).ceil() as usize + MARGIN_COLUMNS;
+        let (low, high) = terrain.height_range();
+        let middle = light.run(light.grid(f64::midpoint(u0, u1), f64::midpoint(v0, v1)))?;
+        let margin =
+            ((high - low) / (middle.least_rise * BLOCK_CELLS)).clamp(MARGIN_COLUMNS[0], MARGIN_COLUMNS[1]);
+        let columns = ((u1 - u0) / BLOCK_CELLS).ceil() as usize + margin as usize;
         // Rays of the margin may leave the ground's own strips sideways.
         let side = 4;
         let strips = ((v1 - v0) / BLOCK_CELLS).ceil() as usize + 2 * side;
@@ -84,6 +93,7 @@ impl Horizon {
         let beyond = light.beyond(&stage, 0)?;
         let (highest, own, lowest) = light.block_bounds(&stage, true);
         let (lit_above, dark_below) = light.sweep(&stage, &highest, &lowest, &beyond)?;
+        let highest_of = SKIPS.map(|skip| skipped(&highest, &stage, skip, middle.drift));
         let walkable =
             highest.iter().zip(&own).map(|(h, own)| if *own { *h } else { *h + FOREIGN_M + 0.125 }).collect();
         let (a, b) = (light.along, light.across);
@@ -95,6 +105,7 @@ impl Horizon {
             highest: walkable,
             lit_above,
             dark_below,
+            highest_of,
         })
     }
 }
@@ -110,6 +121,23 @@ struct Stage {
 
 /// What a stage starts from on its far side: per strip, `(lit_above, dark_below)`.
 type Seeds = Vec<(f32, f32)>;
+
+/// The highest ground of every `skip` columns and the strips beside; unknown (+∞) where rays drift too far for that.
+fn skipped(highest: &[f32], stage: &Stage, skip: usize, drift: f64) -> Vec<f32> {
+    let (columns, strips) = (stage.columns, stage.strips);
+    let groups = columns.div_ceil(skip);
+    if 2.0 * drift * skip as f64 > 1.0 {
+        return vec![f32::INFINITY; groups * strips];
+    }
+    let mut out = vec![f32::NEG_INFINITY; groups * strips];
+    for j in 0..strips {
+        for c in 0..columns {
+            let group = &mut out[j * groups + c / skip];
+            *group = group.max(highest[j * columns + c]);
+        }
+    }
+    dilated(&out, groups, strips, f32::max)
+}
 
 /// Each strip together with its neighbours.
 fn dilated(values: &[f32], columns: usize, strips: usize, pick: fn(f32, f32) -> f32) -> Vec<f32> {
@@ -301,10 +329,23 @@ impl<'a> Light<'a> {
         ])
     }
 
+    /// A box of this grid on the grid of another layer; `None` where a map does not reach.
+    fn box_on(&self, layer: &Layer, bounds: [f64; 4]) -> Option<[f64; 4]> {
+        let grid = &self.layer.grid;
+        if layer.grid.crs.projection != grid.crs.projection {
+            return box_on(layer, &self.corner_points(bounds)?);
+        }
+        let [c0, r0, c1, r1] = bounds;
+        let corners = [[c0, r0], [c1, r0], [c0, r1], [c1, r1]].map(|[c, r]| {
+            let [x, y] = grid.map_from_grid().apply(c, r);
+            layer.grid.grid_from_map().apply(x, y)
+        });
+        Some(enclosing(&corners, 0.01))
+    }
+
     fn touches_finer(&self, bounds: [f64; 4]) -> bool {
-        let Some(points) = self.corner_points(bounds) else { return true };
         self.terrain.layers[..self.layer_idx].iter().any(|layer| {
-            box_on(layer, &points).is_none_or(|[c0, r0, c1, r1]| {
+            self.box_on(layer, bounds).is_none_or(|[c0, r0, c1, r1]| {
                 let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
                 !(c1 < 0.0 || r1 < 0.0 || c0 > last_c || r0 > last_r)
             })
@@ -315,10 +356,9 @@ impl<'a> Light<'a> {
     /// map does not reach.
     fn any_layer(&self, bounds: [f64; 4]) -> (f32, f32) {
         const UNKNOWN: (f32, f32) = (f32::NEG_INFINITY, f32::INFINITY);
-        let Some(points) = self.corner_points(bounds) else { return UNKNOWN };
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         for layer in &self.terrain.layers {
-            let Some([c0, r0, c1, r1]) = box_on(layer, &points) else { return UNKNOWN };
+            let Some([c0, r0, c1, r1]) = self.box_on(layer, bounds) else { return UNKNOWN };
             let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
             if c1 < 0.0 || r1 < 0.0 || c0 > last_c || r0 > last_r {
                 continue;
@@ -412,13 +452,19 @@ fn clipped_bounds(layer: &Layer, [c0, r0, c1, r1]: [f64; 4]) -> (f32, f32) {
 
 /// Bounding box of a box's corners on a layer's grid, with room for what bulges between them on another map.
 fn box_on(layer: &Layer, points: &[Point3<f64>; 4]) -> Option<[f64; 4]> {
-    let mut b = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    for point in points {
-        let [c, r] = layer.grid.grid_from_point(point)?;
-        b = [b[0].min(c), b[1].min(r), b[2].max(c), b[3].max(r)];
+    let mut corners = [[0.0; 2]; 4];
+    for (corner, point) in corners.iter_mut().zip(points) {
+        *corner = layer.grid.grid_from_point(point)?;
     }
     // An edge of length s bends by s²/8R on any map that is smooth here; four times that, and a hundredth of a cell.
     let side = (points[0] - points[3]).norm();
     let room = 0.5 * side * side / layer.grid.crs.body.radius_m / layer.cell_m + 0.01;
-    Some([b[0] - room, b[1] - room, b[2] + room, b[3] + room])
+    Some(enclosing(&corners, room))
+}
+
+/// Bounding box of corners, with room on every side.
+fn enclosing(corners: &[[f64; 2]; 4], room: f64) -> [f64; 4] {
+    let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let b = corners.iter().fold(start, |b, [c, r]| [b[0].min(*c), b[1].min(*r), b[2].max(*c), b[3].max(*r)]);
+    [b[0] - room, b[1] - room, b[2] + room, b[3] + room]
 }

@@ -307,10 +307,12 @@ fn radiance_packet<F: Float16>(
         let mut lit = found & s(0.0).lt(factor);
         if job.settings.shadows == Shadows::Cast && lit.any() {
             let start = ShadowRays { c, r, z: ground.z, a: at.a, b: at.b, sun };
-            let (hidden, open) = occlusion(tile, nodes, horizons[k], &start, lit);
-            lit = lit & !hidden;
-            if open.any() {
-                lit = lit & !F::Mask::from_bits(exact_shadows(job, pixel, packet, xy, k, open.bits()));
+            let shade = occlusion(tile, nodes, horizons[k], &start, lit);
+            lit = lit & !shade.hidden;
+            if shade.open.any() {
+                let open =
+                    Open { lanes: shade.open.bits(), tau: tau.store(), clear_m: shade.clear_m.store() };
+                lit = lit & !F::Mask::from_bits(exact_shadows(job, tile, pixel, packet, xy, k, &open));
             }
         }
         sums.lanes[k] += sum(F::select(lit, weight * factor, s(0.0)));
@@ -338,20 +340,31 @@ fn lane_ray(
     (Point2::new(pixel::center_of(x) + f64::from(dx), pixel::center_of(y) + f64::from(dy)), disc)
 }
 
-/// Lanes of `open` that are hidden from Sun `k`, by the exact tracer.
+/// Shadow rays that the lanes left undecided.
+struct Open {
+    lanes: u16,
+    /// Depth of each lane's point on the ground, from the tile's reference.
+    tau: [f32; LANES],
+    /// How far each lane's ray is clear, metres.
+    clear_m: [f32; LANES],
+}
+
+/// Undecided lanes that are hidden from Sun `k`, by the exact tracer.
 #[inline(never)]
 fn exact_shadows(
     job: &Job<'_>,
+    tile: &Tile,
     pixel: &PixelRays<'_>,
     packet: &Packet,
     xy: [usize; 2],
     k: usize,
-    open: u16,
+    open: &Open,
 ) -> u16 {
     let mut hidden = 0;
-    for lane in (0..LANES).filter(|lane| open >> lane & 1 == 1) {
+    for lane in (0..LANES).filter(|lane| open.lanes >> lane & 1 == 1) {
         let (at, disc) = lane_ray(job, pixel, packet, xy, lane);
-        if job.exact_shadow(&at, &job.suns[k], disc) {
+        let t = tile.t_ref + f64::from(open.tau[lane]);
+        if job.exact_shadow(&at, t, f64::from(open.clear_m[lane]), &job.suns[k], disc) {
             hidden |= 1 << lane;
         }
     }

@@ -201,12 +201,30 @@ impl Job<'_> {
 }
 
 impl Job<'_> {
-    /// Whether the ground that a ray meets is hidden from a place on the Sun's disc.
-    pub(crate) fn exact_shadow(&self, at: &Point2<f64>, sun: &SunDisc, disc: [f32; 2]) -> bool {
+    /// Whether the ground that a ray meets (at about `t`) is hidden from a place on the Sun's disc, knowing that the first
+    /// `clear_m` metres towards it are clear.
+    pub(crate) fn exact_shadow(
+        &self,
+        at: &Point2<f64>,
+        t: f64,
+        clear_m: f64,
+        sun: &SunDisc,
+        disc: [f32; 2],
+    ) -> bool {
         let Some(ray) = self.view.camera.ray_z1(at) else { return false };
         let direction = self.view.world_from_cam.vector(&ray);
+        let towards = sun.towards(disc).into_inner();
+        if clear_m > 0.0 {
+            // Off the ground a millimetre more or less at the start does not matter.
+            return self.tracer.occluded_between(
+                self.view.origin() + direction * t,
+                towards,
+                clear_m,
+                f64::INFINITY,
+            );
+        }
         match self.tracer.first_hit(self.view.origin(), direction, 0.0, f64::INFINITY) {
-            Hit::Surface(hit) => self.tracer.occluded(hit.point, sun.towards(disc).into_inner()),
+            Hit::Surface(hit) => self.tracer.occluded(hit.point, towards),
             _ => false,
         }
     }

@@ -83,6 +83,6 @@ impl<'a> Shade<'a> {
             return Some(true);
         }
         (height >= f64::from(horizon.lit_above[n]))
-            .then(|| self.tracer.occluded_within(*point, towards, leave))
+            .then(|| self.tracer.occluded_between(*point, towards, 0.0, leave))
     }
 }

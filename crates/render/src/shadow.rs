@@ -1,7 +1,7 @@
 //! Shadow rays in lanes: column by column through the horizon's blocks, cell by cell only where a block is higher than the
 //! ray.
 
-use crate::horizon::{FOREIGN_M, Horizon};
+use crate::horizon::{FOREIGN_M, Horizon, SKIPS};
 use crate::kernel::{Cell, Nodes, floor, nonzero};
 use crate::simd::{Float16, Int16, Mask16};
 use crate::tile::Tile;
@@ -50,7 +50,17 @@ fn clamped<F: Float16>(value: F::Int, n: i32) -> F::Int {
     value.max(F::Int::splat(0)).min(F::Int::splat(n - 1))
 }
 
-/// Which of the `active` lanes are hidden, and which this path cannot decide.
+/// What is known of sixteen shadow rays.
+pub(crate) struct Occlusion<F: Float16> {
+    /// Lanes that the ground hides.
+    pub(crate) hidden: F::Mask,
+    /// Lanes that are not decided.
+    pub(crate) open: F::Mask,
+    /// How far an undecided lane's ray is known to be clear, metres.
+    pub(crate) clear_m: F,
+}
+
+/// Follows the `active` lanes towards the Sun.
 #[inline(always)]
 pub(crate) fn occlusion<F: Float16>(
     tile: &Tile,
@@ -58,11 +68,15 @@ pub(crate) fn occlusion<F: Float16>(
     horizon: Option<&Horizon>,
     rays: &ShadowRays<F>,
     mut active: F::Mask,
-) -> (F::Mask, F::Mask) {
+) -> Occlusion<F> {
     let s = F::splat;
     let int = F::Int::splat;
     let none = F::Mask::from_bits(0);
-    let Some(horizon) = horizon else { return (none, active) };
+    let mut found = Occlusion { hidden: none, open: none, clear_m: s(0.0) };
+    let Some(horizon) = horizon else {
+        found.open = active;
+        return found;
+    };
     let [l1, l2, lw] = rays.sun;
     let line = Line {
         c: rays.c,
@@ -85,51 +99,70 @@ pub(crate) fn occlusion<F: Float16>(
     let z_base = s(tile.z_base);
     let mut column = floor(u);
     let mut along = s(0.0);
-    let (mut hidden, mut open) = (none, none);
+    let groups = SKIPS.map(|skip| horizon.columns.div_ceil(skip) as i32);
     while active.any() {
         let leave = ((F::from_int(column) + s(1.0)) - u) * inv_du;
         let (strip, strip_out) = (floor(v + along * dv), floor(v + leave * dv));
         let col = clamped::<F>(column, columns);
         let (row, row_out) = (clamped::<F>(strip, strips), clamped::<F>(strip_out, strips));
         let inside = F::int_eq(column, col) & F::int_eq(strip, row) & F::int_eq(strip_out, row_out);
-        // A ray drifts by less than a strip in a column: it touches these two blocks.
-        let (block, block_out) = (row.mul(int(columns)).add(col), row_out.mul(int(columns)).add(col));
-        // SAFETY: column and strips are clamped to the blocks.
-        let (near, far) = unsafe {
-            (F::gather(horizon.highest.as_ptr(), block), F::gather(horizon.highest.as_ptr(), block_out))
-        };
-        let mark = s(FOREIGN_M);
-        let half_mark = s(0.5 * FOREIGN_M);
-        let foreign = half_mark.lt(near.max(far));
-        let near = F::select_lt(half_mark, near, near - mark, near);
-        let far = F::select_lt(half_mark, far, far - mark, far);
-        let highest = near.max(far) - z_base;
-        open = open | (active & !inside);
+        found.clear_m = F::select(active, along, found.clear_m);
+        found.open = found.open | (active & !inside);
         active = active & inside;
+        let z_in = line.height(along) + z_base;
+        // Above all of the next columns at once? Then they are one step.
+        let mut step = int(1);
+        for (k, skip) in SKIPS.into_iter().enumerate() {
+            let by = int(skip.trailing_zeros() as i32);
+            let aligned = F::int_eq(column.shr(by).shl(by), column);
+            if (active & aligned).any() {
+                let group = row.mul(int(groups[k])).add(col.shr(by));
+                // SAFETY: `row` is a strip and `col` a column, so this is one of its groups.
+                let highest = unsafe { F::gather(horizon.highest_of[k].as_ptr(), group) };
+                step = F::select_int(aligned & !z_in.lt(highest), int(skip as i32), step);
+            }
+        }
+        let next = column.add(step).min(int(columns));
+        let skips = !F::int_eq(step, int(1));
+        let leave = (F::from_int(next) - u) * inv_du;
+        let row_out = clamped::<F>(floor(v + leave * dv), strips);
         // What lies beyond first: ground in this column does not matter to a ray that is hidden further on.
-        let idx = row_out.mul(int(columns + 1)).add(col).add(int(1));
-        // SAFETY: these have one column more than there are blocks, and `col` is a block's.
+        let idx = row_out.mul(int(columns + 1)).add(clamped::<F>(next, columns + 1));
+        // SAFETY: these have one column more than there are blocks.
         let (lit_above, dark_below) = unsafe {
             (F::gather(horizon.lit_above.as_ptr(), idx), F::gather(horizon.dark_below.as_ptr(), idx))
         };
         let z = line.height(leave) + z_base;
         let dark = active & z.lt(dark_below);
-        hidden = hidden | dark;
+        found.hidden = found.hidden | dark;
         active = active & !dark;
-        let below = active & line.height(along).lt(highest);
-        open = open | (below & foreign);
-        active = active & !(below & foreign);
-        let below = below & !foreign;
-        if below.any() {
-            let found = walk(tile, nodes, &line, along, leave, below);
-            hidden = hidden | found;
-            active = active & !found;
+        let walking = active & !skips;
+        if walking.any() {
+            // A ray drifts by less than a strip in a column: it touches these two blocks.
+            let (block, block_out) = (row.mul(int(columns)).add(col), row_out.mul(int(columns)).add(col));
+            // SAFETY: column and strips are clamped to the blocks.
+            let (first, second) = unsafe {
+                (F::gather(horizon.highest.as_ptr(), block), F::gather(horizon.highest.as_ptr(), block_out))
+            };
+            let (mark, half_mark) = (s(FOREIGN_M), s(0.5 * FOREIGN_M));
+            let foreign = half_mark.lt(first.max(second));
+            let first = F::select_lt(half_mark, first, first - mark, first);
+            let second = F::select_lt(half_mark, second, second - mark, second);
+            let below = walking & z_in.lt(first.max(second));
+            found.open = found.open | (below & foreign);
+            active = active & !(below & foreign);
+            let below = below & !foreign;
+            if below.any() {
+                let hit = walk(tile, nodes, &line, along, leave, below);
+                found.hidden = found.hidden | hit;
+                active = active & !hit;
+            }
         }
         active = active & z.lt(lit_above);
         along = leave;
-        column = column.add(int(1));
+        column = next;
     }
-    (hidden, open)
+    found
 }
 
 /// Which lanes meet the ground between two places, cell by cell.

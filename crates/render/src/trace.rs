@@ -143,18 +143,19 @@ impl<'a> Tracer<'a> {
 
     /// Whether the terrain hides `direction` from a point on the surface.
     pub fn occluded(&self, point_on_surface: Point3<f64>, direction: Vector3<f64>) -> bool {
-        self.occluded_within(point_on_surface, direction, f64::INFINITY)
+        self.occluded_between(point_on_surface, direction, 0.0, f64::INFINITY)
     }
 
-    /// Whether the terrain between a point on the surface and `t_max` along a direction hides what lies beyond.
-    pub fn occluded_within(
+    /// Whether the terrain stands in the way between `t_min` and `t_max` along a direction from a point on the surface.
+    pub fn occluded_between(
         &self,
         point_on_surface: Point3<f64>,
         direction: Vector3<f64>,
+        t_min: f64,
         t_max: f64,
     ) -> bool {
         let ray = Ray { origin: point_on_surface, direction };
-        let Some(span) = shell_span(self.terrain, &ray, 0.0, t_max) else { return false };
+        let Some(span) = shell_span(self.terrain, &ray, t_min, t_max) else { return false };
         span.reaches_bottom || !matches!(self.along(&ray, span.t0, span.t1, Query::Occlusion), PieceHit::None)
     }
 
