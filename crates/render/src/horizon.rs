@@ -28,8 +28,6 @@ const MAX_STAGES: usize = 5;
 const MARGIN_M: f64 = 0.02;
 /// Marks a block as foreign; no terrain is half as high, and a f32 this large still knows a sixteenth of a metre.
 pub(crate) const FOREIGN_M: f32 = 1_048_576.0;
-/// Boxes of more cells than this are bounded by the pyramid, smaller ones cell by cell.
-const MAX_CLIPPED_CELLS: f64 = 64.0;
 /// Above this drift (strips per column) the disc surrounds the zenith and has no azimuth.
 const MAX_DRIFT: f64 = 0.5;
 
@@ -363,11 +361,7 @@ impl<'a> Light<'a> {
             if c1 < 0.0 || r1 < 0.0 || c0 > last_c || r0 > last_r {
                 continue;
             }
-            let (lo, hi) = if (c1 - c0 + 2.0) * (r1 - r0 + 2.0) > MAX_CLIPPED_CELLS {
-                layer.pyramid.bounds(c0, r0, c1, r1)
-            } else {
-                clipped_bounds(layer, [c0, r0, c1, r1])
-            };
+            let (lo, hi) = layer.height_bounds([c0, r0, c1, r1]);
             (low, high) = (low.min(lo), high.max(hi));
             if c0 >= 0.0 && r0 >= 0.0 && c1 <= last_c && r1 <= last_r {
                 // Coarser layers carry nothing here.
@@ -424,30 +418,6 @@ impl<'a> Light<'a> {
         }
         Some((lit, dark))
     }
-}
-
-/// Bounds of a layer's bilinear surface over a box of a few cells: in each cell the extremes lie at the corners of what the
-/// box cuts out of it. The lower bound is −∞ next to an absent node.
-fn clipped_bounds(layer: &Layer, [c0, r0, c1, r1]: [f64; 4]) -> (f32, f32) {
-    let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
-    let (i0, j0) = layer.cell_of([c0.max(0.0), r0.max(0.0)]);
-    let (i1, j1) = layer.cell_of([c1.min(last_c), r1.min(last_r)]);
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for j in j0..=j1 {
-        for i in i0..=i1 {
-            let Some(patch) = layer.patch(i, j) else {
-                low = f64::NEG_INFINITY;
-                continue;
-            };
-            for u in [c0, c1] {
-                for v in [r0, r1] {
-                    let (h, ..) = patch.eval((u - i as f64).clamp(0.0, 1.0), (v - j as f64).clamp(0.0, 1.0));
-                    (low, high) = (low.min(h), high.max(h));
-                }
-            }
-        }
-    }
-    ((low - MARGIN_M) as f32, (high + MARGIN_M) as f32)
 }
 
 /// Bounding box of a box's corners on a layer's grid, with room for what bulges between them on another map.

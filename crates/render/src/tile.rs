@@ -53,21 +53,28 @@ pub(crate) struct Tile {
     pub(crate) axes: [Vector3<f64>; 3],
 }
 
-/// Bounds of the terrain's heights over the cells near some points, over all layers that come near.
+/// Bounds of the terrain's heights near some points, over all layers that carry ground there.
 fn bounds_near(terrain: &Terrain, points: &[Point3<f64>]) -> Option<(f64, f64)> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for layer in &terrain.layers {
-        let [c0, r0, c1, r1] = grid_box(layer, points)?;
-        if c1 < 0.0 || r1 < 0.0 || c0 > layer.grid.cols as f64 || r0 > layer.grid.rows as f64 {
+        let bounds = grid_box(layer, points)?;
+        let [c0, r0, c1, r1] = bounds;
+        let (last_c, last_r) = ((layer.grid.cols - 1) as f64, (layer.grid.rows - 1) as f64);
+        if c1 < 0.0 || r1 < 0.0 || c0 > last_c || r0 > last_r {
             continue;
         }
-        let (lo, hi) = layer.pyramid.bounds(c0, r0, c1, r1);
+        let (lo, hi) = layer.height_bounds(bounds);
         (low, high) = (low.min(f64::from(lo)), high.max(f64::from(hi)));
+        if c0 >= 0.0 && r0 >= 0.0 && c1 <= last_c && r1 <= last_r {
+            // Coarser layers carry nothing here.
+            break;
+        }
     }
     (low.is_finite() && high.is_finite()).then_some((low, high))
 }
 
-/// Bounding box of points on a layer's grid, two cells larger on every side: what bulges between the points is far less.
+/// Bounding box of a tile's points on a layer's grid, with room for what bulges between them: a sphere's cap over a length s
+/// rises by s²/8R, and so does an edge on any map that is smooth here; four times that, and a tenth of a cell.
 fn grid_box(layer: &Layer, points: &[Point3<f64>]) -> Option<[f64; 4]> {
     let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     for point in points {
@@ -75,7 +82,9 @@ fn grid_box(layer: &Layer, points: &[Point3<f64>]) -> Option<[f64; 4]> {
         bounds = [bounds[0].min(c), bounds[1].min(r), bounds[2].max(c), bounds[3].max(r)];
     }
     let [c0, r0, c1, r1] = bounds;
-    Some([c0 - 2.0, r0 - 2.0, c1 + 2.0, r1 + 2.0])
+    let cells = (c1 - c0).hypot(r1 - r0);
+    let room = 0.5 * cells * cells * layer.cell_m / layer.grid.crs.body.radius_m + 0.1;
+    Some([c0 - room, r0 - room, c1 + room, r1 + room])
 }
 
 impl Tile {
@@ -167,7 +176,7 @@ impl Tile {
 fn narrow(terrain: &Terrain, rays: &[Ray]) -> Option<(Vec<Point3<f64>>, [f64; 4])> {
     /// A few metres of room for what lies between the corners.
     const ROOM_M: f64 = 2.0;
-    const ROUNDS: usize = 4;
+    const ROUNDS: usize = 6;
     let (mut low, mut high) = terrain.height_range();
     let mut points = Vec::with_capacity(2 * rays.len());
     let mut span = [0.0; 4];

@@ -158,6 +158,37 @@ impl Layer {
         h.is_finite().then_some((h, hc, hr))
     }
 
+    /// Bounds of the bilinear surface over the part of a box `[c0, r0, c1, r1]` that lies on the grid, metres. The lower bound
+    /// is −∞ where a node may be absent; both are −∞ where all are.
+    pub fn height_bounds(&self, [c0, r0, c1, r1]: [f64; 4]) -> (f32, f32) {
+        /// Boxes of more cells than this are bounded by the pyramid, smaller ones tightly, cell by cell.
+        const MAX_CLIPPED_CELLS: f64 = 64.0;
+        if (c1 - c0 + 2.0) * (r1 - r0 + 2.0) > MAX_CLIPPED_CELLS {
+            return self.pyramid.bounds(c0, r0, c1, r1);
+        }
+        let (i0, j0) = self.cell_of([c0, r0]);
+        let (i1, j1) = self.cell_of([c1, r1]);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for j in j0..=j1 {
+            for i in i0..=i1 {
+                let Some(patch) = self.patch(i, j) else {
+                    low = f64::NEG_INFINITY;
+                    continue;
+                };
+                // A bilinear patch is extreme at the corners of whatever rectangle the box cuts out of it.
+                for u in [c0, c1] {
+                    for v in [r0, r1] {
+                        let (h, ..) =
+                            patch.eval((u - i as f64).clamp(0.0, 1.0), (v - j as f64).clamp(0.0, 1.0));
+                        (low, high) = (low.min(h), high.max(h));
+                    }
+                }
+            }
+        }
+        // To the nearest f32 outwards.
+        ((low as f32).next_down(), (high as f32).next_up())
+    }
+
     /// Effective cell size at grid coordinates, metres: what the heights there were really measured at.
     pub fn effective_cell_m(&self, at: [f64; 2]) -> f64 {
         let Some(support) = &self.support_m else { return self.cell_m };
@@ -174,4 +205,42 @@ fn lowest_present(pyramid: &Pyramid, heights: &[f32]) -> f32 {
         return top;
     }
     heights.iter().copied().filter(|h| h.is_finite()).fold(f32::INFINITY, f32::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selenograph_geometry::{Body, Projection, proj_string::Crs};
+    use selenograph_raster::georef::Affine;
+
+    #[test]
+    fn height_bounds_hold_and_are_tight_over_small_boxes() {
+        let body = Body::moon();
+        let crs = Crs { projection: Projection::south_polar(body.radius_m), body };
+        let grid = Grid::new(crs, 40, 30, Affine::new([0.0, 10.0, 0.0, 0.0, 0.0, -10.0])).unwrap();
+        let heights = (0..40 * 30).map(|k| ((k as f32) * 0.7).sin() * 100.0).collect();
+        let layer = Layer::from_heights(grid, heights).unwrap();
+        for bounds in
+            [[3.2, 4.1, 3.6, 4.4], [7.5, 2.5, 10.2, 5.0], [-3.0, -2.0, 0.4, 0.3], [0.0, 0.0, 39.0, 29.0]]
+        {
+            let (low, high) = layer.height_bounds(bounds);
+            let (mut seen_low, mut seen_high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let (cols, rows) = (39.0, 29.0);
+            for k in 0..=400 {
+                for l in 0..=400 {
+                    let at = |a: f64, b: f64, t: i32| a + (b - a) * f64::from(t) / 400.0;
+                    let c = at(bounds[0].max(0.0), bounds[2].min(cols), k);
+                    let (h, ..) =
+                        layer.bilinear([c, at(bounds[1].max(0.0), bounds[3].min(rows), l)]).unwrap();
+                    (seen_low, seen_high) = (seen_low.min(h), seen_high.max(h));
+                }
+            }
+            assert!(f64::from(low) <= seen_low && f64::from(high) >= seen_high, "{bounds:?}");
+            let small = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1]) < 20.0;
+            assert!(
+                !small || (seen_low - f64::from(low) < 1.0 && f64::from(high) - seen_high < 1.0),
+                "{bounds:?}"
+            );
+        }
+    }
 }
