@@ -186,9 +186,8 @@ fn narrow(terrain: &Terrain, rays: &[Ray]) -> Option<(Vec<Point3<f64>>, [f64; 4]
         for ray in rays {
             let (enter, _) = ray.sphere(terrain.body.radius_m + high + ROOM_M)?;
             let (leave, _) = ray.sphere(terrain.body.radius_m + low - ROOM_M)?;
-            if enter <= 0.0 {
-                return None;
-            }
+            // Somewhere on the terrain there may be ground above the camera.
+            let enter = enter.max(0.0);
             points.extend([ray.at(enter), ray.at(leave)]);
             (near, far) = (near.min(enter), far.max(leave));
         }
