@@ -6,7 +6,6 @@
 
 use crate::Shadows;
 use crate::brdf::{Angles, Prepared};
-use crate::horizon::Horizon;
 use crate::march::{first_hit, path};
 use crate::pattern::{Packet, PixelPattern};
 use crate::radiance::{Job, TILE};
@@ -136,7 +135,6 @@ struct PixelRays<'a> {
 pub(crate) fn radiance_tile<F: Float16>(
     job: &Job<'_>,
     tile: &Tile,
-    horizons: &[Option<&Horizon>],
     brdf: &Prepared,
     [x0, y0]: [usize; 2],
     out: &mut [f32],
@@ -149,7 +147,7 @@ pub(crate) fn radiance_tile<F: Float16>(
             let Some(rays) = pixel_rays(job, tile, x, y) else { continue };
             let mut sums = Sums { lanes: [0.0; MAX_SUNS], exact: [0.0; MAX_SUNS] };
             for packet in rays.pattern.packets {
-                radiance_packet::<F>(job, tile, &nodes, horizons, brdf, &rays, packet, [x, y], &mut sums);
+                radiance_packet::<F>(job, tile, &nodes, brdf, &rays, packet, [x, y], &mut sums);
             }
             let albedo = job.pixel_albedo(x, y) as f32;
             for s in 0..job.suns.len() {
@@ -262,7 +260,6 @@ fn radiance_packet<F: Float16>(
     job: &Job<'_>,
     tile: &Tile,
     nodes: &Nodes,
-    horizons: &[Option<&Horizon>],
     brdf: &Prepared,
     pixel: &PixelRays<'_>,
     packet: &Packet,
@@ -307,7 +304,7 @@ fn radiance_packet<F: Float16>(
         let mut lit = found & s(0.0).lt(factor);
         if job.settings.shadows == Shadows::Cast && lit.any() {
             let start = ShadowRays { c, r, z: ground.z, a: at.a, b: at.b, sun };
-            let shade = occlusion(tile, nodes, horizons[k], &start, lit);
+            let shade = occlusion(tile, nodes, job.horizons[k][tile.layer_idx].as_ref(), &start, lit);
             lit = lit & !shade.hidden;
             if shade.open.any() {
                 let open =

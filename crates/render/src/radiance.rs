@@ -4,6 +4,7 @@ use crate::dispatch;
 use crate::horizon::Horizon;
 use crate::kernel::MAX_SUNS;
 use crate::pattern::{Patterns, turned};
+use crate::shade::occluded;
 use crate::tile::Tile;
 use crate::trace::tangents;
 use crate::{Error, Hit, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
@@ -30,6 +31,8 @@ pub(crate) struct Job<'a> {
     pub(crate) settings: &'a RadianceSettings,
     pub(crate) patterns: Patterns,
     pub(crate) suns: Vec<SunDisc>,
+    /// Per Sun and layer, where a fast tile lies on it.
+    pub(crate) horizons: Vec<Vec<Option<Horizon>>>,
 }
 
 /// Radiance factor (I/F) of every pixel under each Sun: the mean over rays spread by the Gaussian point spread, each with a
@@ -55,13 +58,14 @@ pub fn radiance(
             found: format!("{}×{} for a picture of {width}×{height}", truth.width, truth.height),
         });
     }
-    let job = Job {
+    let mut job = Job {
         tracer,
         view,
         truth,
         settings,
         patterns: Patterns::new(settings.rays_per_pixel as usize, suns.first(), settings.seed),
         suns: suns.iter().map(SunDisc::new).collect(),
+        horizons: Vec::new(),
     };
     if suns.len() > MAX_SUNS {
         return Err(Error::Setting {
@@ -74,18 +78,15 @@ pub fn radiance(
     let num_tiles = tiles_x * height.div_ceil(TILE);
     let corner = |n: usize| [(n % tiles_x) * TILE, (n / tiles_x) * TILE];
     let fast: Vec<Option<Tile>> = (0..num_tiles).into_par_iter().map(|n| job.fast_tile(corner(n))).collect();
-    let horizons = job.horizons(&fast);
+    job.horizons = job.horizons_under(&fast);
+    let job = &job;
     let brdf = settings.brdf.prepared();
     let tiles: Vec<Vec<f32>> = (0..num_tiles)
         .into_par_iter()
         .map(|n| {
             let mut out = vec![0.0; suns.len() * TILE * TILE];
             match &fast[n] {
-                Some(tile) => {
-                    let here: Vec<Option<&Horizon>> =
-                        horizons.iter().map(|h| h[tile.layer_idx].as_ref()).collect();
-                    dispatch::tile(&job, tile, &here, &brdf, corner(n), &mut out);
-                }
+                Some(tile) => dispatch::tile(job, tile, &brdf, corner(n), &mut out),
                 None => job.exact_tile(corner(n), &mut out),
             }
             out
@@ -112,7 +113,7 @@ impl Job<'_> {
     }
 
     /// The horizon of each Sun on each layer that a fast tile lies on.
-    fn horizons(&self, fast: &[Option<Tile>]) -> Vec<Vec<Option<Horizon>>> {
+    fn horizons_under(&self, fast: &[Option<Tile>]) -> Vec<Vec<Option<Horizon>>> {
         let terrain = self.tracer.terrain();
         let mut ground: Vec<Option<[f64; 4]>> = vec![None; terrain.layers.len()];
         if self.settings.shadows == Shadows::Cast {
@@ -182,7 +183,7 @@ impl Job<'_> {
         };
         let Some(local) = self.tracer.local_surface(&hit) else { return };
         let towards_camera = -direction.normalize();
-        for (sum, disc_of) in sums.iter_mut().zip(&self.suns) {
+        for (k, (sum, disc_of)) in sums.iter_mut().zip(&self.suns).enumerate() {
             let towards_sun = disc_of.towards(disc);
             let mu0 = local.normal.dot(&towards_sun);
             if mu0 <= 0.0 {
@@ -192,7 +193,7 @@ impl Job<'_> {
             let factor = self.settings.brdf.radiance_factor(mu0, mu, towards_sun.dot(&towards_camera), 1.0);
             if factor > 0.0
                 && (self.settings.shadows == Shadows::Attached
-                    || !self.tracer.occluded(hit.point, towards_sun.into_inner()))
+                    || !occluded(self.tracer, &self.horizons[k], &hit.point, &towards_sun))
             {
                 *sum += weight * factor;
             }
