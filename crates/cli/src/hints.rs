@@ -63,11 +63,7 @@ fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
     match error {
         Error::Raster(error) => raster(error),
         Error::Io { source, .. } => io(source.kind()),
-        Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
-        Error::NotATerrain { .. } | Error::Version { .. } => {
-            some("make it with `selenograph dem import FILE... --out DIR`")
-        }
-        _ => None,
+        _ => error.hint().map(str::to_owned),
     }
 }
 

@@ -57,9 +57,12 @@ pub enum HeightUnit {
 /// `dem info`.
 #[derive(Debug, Args)]
 pub struct Info {
-    /// GeoTIFF, PDS3 label or image, PDS4 label
+    /// GeoTIFF, PDS3 label or image, PDS4 label; or a terrain folder
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
+    /// Read all of a terrain folder and compare its checksums
+    #[arg(long)]
+    pub verify: bool,
     /// How to read it.
     #[command(flatten)]
     pub reading: Reading,

@@ -1,6 +1,7 @@
 //! `dem info`: what a file is, where it lies, how high and how steep.
 
 use super::reading::open;
+use super::terrain_info;
 use crate::args::dem::Info;
 use crate::exit::Outcome;
 use crate::ui::Ui;
@@ -69,6 +70,15 @@ struct Slopes {
 pub fn run(args: &Info, ui: &Ui) -> anyhow::Result<Outcome> {
     let mut reports = Vec::new();
     for path in &args.files {
+        if path.is_dir() {
+            let description = terrain_info::describe(path, args.verify, ui)?;
+            if ui.json {
+                reports.push(serde_json::to_value(&description)?);
+            } else {
+                ui.data(&terrain_info::text(path, &description))?;
+            }
+            continue;
+        }
         let mut reader = open(path, &args.reading)?;
         let survey = Survey::of(&mut reader, ui)?;
         let info = reader.info();

@@ -20,6 +20,7 @@ mod planning;
 mod presets;
 mod reading;
 mod render;
+mod terrain_info;
 
 use crate::args::Command;
 use crate::args::campaign::ConfigCommand;

@@ -49,7 +49,15 @@ fn a_synthetic_moon_is_a_geotiff_that_can_be_read_shaded_and_imported() {
     place.run("dem hillshade moon.tif --out moon.png --max-side 40").ok();
     assert!(std::fs::read(place.path("moon.png")).unwrap().starts_with(b"\x89PNG"));
     place.run("dem import moon.tif --out terrain").ok();
-    assert!(!names(&place.path("terrain")).is_empty());
+    let terrain = place.run("dem info terrain --verify --json").ok().json();
+    assert_eq!(terrain[0]["layers"][0]["cols"], 96);
+    // One flipped bit among the heights opens as before, and is found when asked for.
+    let file = place.path("terrain").join(terrain[0]["layers"][0]["file"].as_str().unwrap());
+    let mut bytes = std::fs::read(&file).unwrap();
+    bytes[9000] ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+    place.run("dem info terrain").ok();
+    place.run("dem info terrain --verify").refused("layer-0.bin", "");
     assert_eq!(place.names(), ["moon.png", "moon.tif", "terrain"]);
 }
 
