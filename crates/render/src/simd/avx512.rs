@@ -1,16 +1,16 @@
 //! Sixteen lanes in one AVX-512 register.
 
-use super::{Float16, Int16, LANES, Mask16};
+use super::{Float16, Int16, LANES};
 use crate::brdf::Lanes;
 use std::arch::x86_64::*;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 #[derive(Clone, Copy)]
 pub(crate) struct F(__m512);
 #[derive(Clone, Copy)]
 pub(crate) struct I(__m512i);
-#[derive(Clone, Copy)]
-pub(crate) struct M(__mmask16);
+/// A mask register is sixteen bits, as plain Rust's mask is.
+pub(crate) use super::scalar::M;
 
 // SAFETY of every block below: these types are only used by kernels that `crate::dispatch` enters after it has found
 // AVX-512 F, DQ, BW and VL on the machine.
@@ -36,42 +36,6 @@ lanewise!(Add, add, _mm512_add_ps);
 lanewise!(Sub, sub, _mm512_sub_ps);
 lanewise!(Mul, mul, _mm512_mul_ps);
 lanewise!(Div, div, _mm512_div_ps);
-
-impl BitAnd for M {
-    type Output = Self;
-    #[inline(always)]
-    fn bitand(self, other: Self) -> Self {
-        Self(self.0 & other.0)
-    }
-}
-impl BitOr for M {
-    type Output = Self;
-    #[inline(always)]
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
-impl Not for M {
-    type Output = Self;
-    #[inline(always)]
-    fn not(self) -> Self {
-        Self(!self.0)
-    }
-}
-impl Mask16 for M {
-    #[inline(always)]
-    fn any(self) -> bool {
-        self.0 != 0
-    }
-    #[inline(always)]
-    fn bits(self) -> u16 {
-        self.0
-    }
-    #[inline(always)]
-    fn from_bits(bits: u16) -> Self {
-        Self(bits)
-    }
-}
 
 impl Int16 for I {
     #[inline(always)]

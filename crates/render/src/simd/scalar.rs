@@ -9,7 +9,7 @@ pub(crate) struct F([f32; LANES]);
 #[derive(Clone, Copy)]
 pub(crate) struct I([i32; LANES]);
 #[derive(Clone, Copy)]
-pub(crate) struct M(u16);
+pub(crate) struct M(pub(super) u16);
 
 macro_rules! lanewise {
     ($op:ident, $method:ident, $symbol:tt) => {
