@@ -43,3 +43,9 @@ frame!(
     CamB,
     "cam_b"
 );
+frame!(
+    /// The axes and origin of camera A in a prediction's own unit of length: a baseline, or whatever a network chose.
+    /// Only a [`crate::Sim3`] leads out of it.
+    PredA,
+    "pred_a"
+);

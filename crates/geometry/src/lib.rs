@@ -11,15 +11,17 @@ pub mod pixel;
 pub mod proj_string;
 pub mod projection;
 pub mod rigid;
+pub mod similarity;
 pub mod units;
 
 pub use body::{Body, Geodetic};
 pub use camera::{Camera, Distortion};
-pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame};
+pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame, PredA};
 pub use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitQuaternion, UnitVector3, Vector2, Vector3};
 pub use pixel::PixelConvention;
 pub use projection::{Pole, Projection};
 pub use rigid::Rigid3;
+pub use similarity::Sim3;
 
 /// What can be wrong with a geometric input.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -52,6 +54,12 @@ pub enum Error {
     NotARotation {
         /// How it fails (determinant, orthonormality residual).
         what: String,
+    },
+    /// A scale that no similarity has.
+    #[error("a similarity's scale must be positive and finite, found {scale}")]
+    Scale {
+        /// The scale as it was given.
+        scale: f64,
     },
     /// A viewing direction that leaves the camera's roll undefined.
     #[error("look-at is degenerate: {what}")]

@@ -1,0 +1,2 @@
+//! Predictions against truth: every metric with its definition, floors beside it, tables, plots and figures.
+#![forbid(unsafe_code)]
