@@ -3,8 +3,10 @@
 //! Everything takes plain arrays, so that any matcher can feed it.
 #![forbid(unsafe_code)]
 
+pub mod error;
 pub mod prediction;
 pub mod view;
 
+pub use error::Error;
 pub use prediction::{Fill, PredictedView, Prediction};
 pub use view::View;

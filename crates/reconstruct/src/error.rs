@@ -1,0 +1,92 @@
+//! What can go wrong between two pictures and their products.
+
+use std::path::{Path, PathBuf};
+
+/// The crate's errors; each says what was expected and what was found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The file system refused.
+    #[error("cannot {action} `{}`: {source}", path.display())]
+    Io {
+        /// What was tried, for example `write`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file is not what its name says.
+    #[error("`{}`: expected {expected}, found {found}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What it should hold.
+        expected: String,
+        /// What it holds.
+        found: String,
+    },
+    /// Rasters that belong together differ in size.
+    #[error("{what}: expected {expected}, found {found}")]
+    SizeMismatch {
+        /// Which of them.
+        what: &'static str,
+        /// The size it should have.
+        expected: String,
+        /// Its size.
+        found: String,
+    },
+    /// A setting outside its range.
+    #[error("`{key}`: expected {expected}, found {found}")]
+    Value {
+        /// The setting.
+        key: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
+    /// Too few points for what is to be made of them.
+    #[error("{what} needs at least {needed} points, there are {found}")]
+    TooFewPoints {
+        /// What is to be made.
+        what: &'static str,
+        /// Points needed.
+        needed: usize,
+        /// Points there are.
+        found: usize,
+    },
+    /// The points do not determine what is asked of them.
+    #[error("{what}: {why}")]
+    Undetermined {
+        /// What is asked.
+        what: &'static str,
+        /// Why the input cannot tell.
+        why: String,
+    },
+    /// A raster or its file.
+    #[error(transparent)]
+    Raster(#[from] selenograph_raster::Error),
+    /// A camera, pose or projection.
+    #[error(transparent)]
+    Geometry(#[from] selenograph_geometry::Error),
+}
+
+impl Error {
+    /// What the user can do about it, where that is known.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::TooFewPoints { .. } => {
+                Some("the prediction is nearly empty: do the two pictures show the same ground?")
+            }
+            Self::Raster(e) => e.hint(),
+            _ => None,
+        }
+    }
+
+    /// For `map_err` on the results of file operations.
+    pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
+}
