@@ -2,5 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+pub mod pair_metrics;
+pub mod pose_error;
+pub mod truth;
 
 pub use error::Error;
