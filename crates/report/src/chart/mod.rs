@@ -45,9 +45,9 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// An empty one of 640 × 400 CSS pixels.
+    /// An empty one of 540 × 360 CSS pixels.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), width: 640.0, height: 400.0, x, y, series: Vec::new() }
+        Self { title: title.into(), width: 540.0, height: 360.0, x, y, series: Vec::new() }
     }
 
     /// Another size, CSS pixels.

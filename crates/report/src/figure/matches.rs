@@ -39,7 +39,7 @@ pub fn side_by_side(
         if [x1, y1, x2, y2].iter().all(|v| v.is_finite()) {
             let (y1, x2, y2, color) = (y1 + TOP, x2 + offset[1], y2 + TOP, hex(line.color));
             out += &format!(
-                "<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"{color}\" stroke-width=\"0.8\" stroke-opacity=\"0.6\"/>\
+                "<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"{color}\" stroke-width=\"0.9\" stroke-opacity=\"0.75\"/>\
                  <circle cx=\"{x1:.1}\" cy=\"{y1:.1}\" r=\"1.8\" fill=\"{color}\"/><circle cx=\"{x2:.1}\" cy=\"{y2:.1}\" r=\"1.8\" fill=\"{color}\"/>\n"
             );
         }

@@ -36,7 +36,7 @@ for (const canvas of document.querySelectorAll("canvas[data-points]")) {
     pixels.fill(0xfff9fbfb);
     const cy = Math.cos(look.yaw), sy = Math.sin(look.yaw), cp = Math.cos(look.pitch), sp = Math.sin(look.pitch);
     const focal = 0.95 * Math.min(width, height * 1.5);
-    const size = Math.max(1, Math.min(4, Math.round(3.4 * focal / (look.far * Math.sqrt(count + 1)))));
+    const spread = 3.2 * focal / Math.sqrt(count + 1);
     for (let i = 0; i < count; i++) {
       if (!show[raw[8 * i + 7]]) continue;
       const x = at[3 * i], y = at[3 * i + 1], z = at[3 * i + 2] * show.height;
@@ -44,6 +44,7 @@ for (const canvas of document.querySelectorAll("canvas[data-points]")) {
       // Seen from above at the angle `pitch`: forward and up turn about the right axis.
       const vertical = sp * ahead + cp * z, away = look.far + cp * ahead - sp * z;
       if (away < 0.05) continue;
+      const size = Math.max(1, Math.min(6, Math.round(spread / away)));
       const u = Math.round(width / 2 + focal * (right + look.x) / away - size / 2);
       const v = Math.round(height / 2 - focal * (vertical + look.y) / away - size / 2);
       if (u < 0 || v < 0 || u + size > width || v + size > height) continue;
