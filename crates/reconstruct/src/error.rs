@@ -26,6 +26,14 @@ pub enum Error {
         /// What it holds.
         found: String,
     },
+    /// A stream that stops inside a frame.
+    #[error("`{}` ends inside a frame, after {num_whole} whole ones", path.display())]
+    Truncated {
+        /// The stream.
+        path: PathBuf,
+        /// Frames that were whole.
+        num_whole: usize,
+    },
     /// Rasters that belong together differ in size.
     #[error("{what}: expected {expected}, found {found}")]
     SizeMismatch {

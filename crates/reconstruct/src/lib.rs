@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+pub mod frames;
 pub mod prediction;
 pub mod view;
 
