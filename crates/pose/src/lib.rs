@@ -3,4 +3,17 @@
 //! Image points are on the plane `z = 1` of their camera (undistorted), so that nothing here knows a pixel.
 #![forbid(unsafe_code)]
 
+pub mod cheirality;
+pub mod consensus;
+pub mod decompose;
+pub mod degenerate;
+pub mod points;
+pub mod polynomial;
+pub mod problems;
+pub mod random;
+pub mod ransac;
+pub mod refine;
 pub mod relative;
+pub mod sampson;
+pub mod solvers;
+pub mod triangulate;

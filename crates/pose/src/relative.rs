@@ -1,6 +1,29 @@
 //! Relative pose of two views from matches, or the reason why none can be given.
+//!
+//! ```
+//! use selenograph_pose::problems::{Scene, SceneKind};
+//! use selenograph_pose::relative::{RelativeOptions, estimate};
+//! let scene = Scene::new(&SceneKind::General, 500, 7).with_outliers(0.3).with_noise(0.3 / 600.0);
+//! let options = RelativeOptions { threshold: 1.0 / 600.0, ..RelativeOptions::default() };
+//! let found = estimate(&scene.matches, &options)?;
+//! assert!(scene.direction_error_rad(&found.cam_b_from_cam_a) < 0.02);
+//! # Ok::<(), selenograph_pose::relative::CannotSay>(())
+//! ```
 
-use selenograph_geometry::{CamA, CamB, Point2, Rigid3};
+mod hypotheses;
+
+use crate::cheirality;
+use crate::consensus::{Counting, EssentialSearch, RotationSearch, fit_rotation};
+use crate::decompose::{Motion, motions_of_essential};
+use crate::degenerate::{above_chance, chance_share, without_parallax};
+use crate::points::Pairs;
+use crate::random::Random;
+use crate::ransac::{Found, Local, Search, search};
+use crate::refine::uncertainty;
+use crate::sampson;
+use crate::solvers::homography_4pt::transfer_squared;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3};
 
 /// One match, on the plane `z = 1` of each camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +36,64 @@ pub struct Match {
     pub score: f64,
 }
 
+/// How far the estimate is polished.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Refinement {
+    /// The best minimal model by its number of inliers: plain RANSAC, as OpenCV's `findEssentialMat` gives it. Weak on nearly planar scenes; for
+    /// comparison.
+    None,
+    /// Local optimisation in the search and one refinement over all inliers.
+    Local,
+    /// The same from several starts (the motions of the dominant plane, the rotation with the best direction), the best by its cost over
+    /// all matches.
+    #[default]
+    Full,
+}
+
+/// In which order matches are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    /// All alike.
+    Random,
+    /// From the best scores first, where the scores differ.
+    #[default]
+    Prosac,
+}
+
+/// How to estimate a relative pose.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RelativeOptions {
+    /// Largest Sampson distance of an inlier, on the plane `z = 1` (pixels divided by the focal length).
+    pub threshold: f64,
+    /// Seed of the samples.
+    pub seed: u64,
+    /// Probability with which no better sample was missed.
+    pub confidence: f64,
+    /// Samples after which the search ends.
+    pub max_iterations: usize,
+    /// How far the estimate is polished.
+    pub refinement: Refinement,
+    /// In which order matches are drawn.
+    pub order: Order,
+}
+
+impl Default for RelativeOptions {
+    /// One pixel at the focal length of a 512-pixel picture of 45°.
+    fn default() -> Self {
+        Self {
+            threshold: 1.0 / 618.0,
+            seed: 0,
+            confidence: 0.9999,
+            max_iterations: 10_000,
+            refinement: Refinement::Full,
+            order: Order::Prosac,
+        }
+    }
+}
+
 /// A relative pose with what supports it.
 #[derive(Debug, Clone)]
 pub struct RelativePose {
@@ -23,8 +104,12 @@ pub struct RelativePose {
     /// Root mean square Sampson distance of the inliers, on the plane `z = 1`.
     pub residual_rms: f64,
     /// Covariance of rotation (three components of a rotation vector applied in B, radians) and of the translation's direction
-    /// (two components in its tangent plane, radians).
+    /// (two components in its tangent plane, radians; its axes: [`crate::sampson::tangent_axes`]).
     pub covariance: nalgebra::SMatrix<f64, 5, 5>,
+    /// Share of the inliers that one homography explains as well: near 1, the scene is nearly a plane.
+    pub plane_share: f64,
+    /// Samples drawn.
+    pub iterations: usize,
 }
 
 /// Why no relative pose can be given.
@@ -49,12 +134,228 @@ pub enum CannotSay {
     },
     /// The views differ by a rotation only (or not at all): there is no parallax, so no direction and no depth.
     #[error(
-        "no parallax: the views differ by a rotation of {rotation_deg:.3}° only (residual {residual_px:.3} px)"
+        "no parallax: the views differ by a rotation of {rotation_deg:.3}° only (residual {residual:.2e} on the plane z = 1)"
     )]
     NoParallax {
         /// The rotation between the views, degrees.
         rotation_deg: f64,
-        /// What a pure rotation leaves unexplained, pixels.
-        residual_px: f64,
+        /// The rotation: `x_b ∝ R x_a`.
+        cam_b_from_cam_a: UnitQuaternion<f64>,
+        /// What a pure rotation leaves unexplained in a coordinate, on the plane `z = 1`.
+        residual: f64,
     },
+}
+
+impl CannotSay {
+    /// What the user can do about it.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::TooFewMatches { .. } => {
+                "take views that overlap more, or pictures with more texture and light"
+            }
+            Self::NoConsensus { .. } => {
+                "check that the pictures show the same ground and that the cameras' focal lengths are right"
+            }
+            Self::NoParallax { .. } => "take the second view from another place: depth needs a baseline",
+        }
+    }
+}
+
+/// Fewer matches cannot be told from chance: five fix a motion, three must confirm it.
+const MIN_MATCHES: usize = 8;
+/// Samples that are always drawn unless plain RANSAC is asked for: they cost little beside the refinement.
+const MIN_ITERATIONS: usize = 20;
+/// The rotation needs few samples; views without it are most, and must not pay.
+const ROTATION_ITERATIONS: usize = 100;
+/// Matches that vote on the signs of a motion.
+const VOTERS: usize = 200;
+
+/// Estimates the relative pose of two views.
+///
+/// # Shapes and units
+/// Coordinates on the plane `z = 1`, undistorted. Matches with coordinates that are not numbers are never inliers.
+/// # Errors
+/// [`CannotSay`], with the reason: a pose is never invented.
+/// # Source
+/// LO-MSAC with the five-point solver, plane and parallax hypotheses, robust Sampson refinement; see the modules.
+pub fn estimate(matches: &[Match], options: &RelativeOptions) -> Result<RelativePose, CannotSay> {
+    let problem = Problem::new(matches, options)?;
+    let chosen = problem.rotation();
+    let essential = problem.essential();
+    let refined = match (&essential, options.refinement) {
+        (None, _) => None,
+        (Some(found), Refinement::None) => Some(motions_of_essential(&found.model)[0]),
+        (Some(found), Refinement::Local) => {
+            Some(hypotheses::refined(&problem.pairs, &found.model, options.threshold))
+        }
+        (Some(found), Refinement::Full) => Some(hypotheses::best(
+            &problem.pairs,
+            &found.model,
+            chosen.as_ref(),
+            options.threshold,
+            options.seed,
+        )),
+    };
+    let iterations = essential.map_or(0, |found| found.iterations);
+    let motion = refined.map(|motion| problem.facing(&motion));
+    problem.refuse(motion.as_ref(), chosen.as_ref())?;
+    let Some(motion) = motion else {
+        return Err(CannotSay::NoConsensus { inliers: 0, matches: matches.len() });
+    };
+    Ok(problem.answer(&motion, iterations))
+}
+
+/// The matches in random order, and what is asked of them.
+struct Problem<'a> {
+    matches: &'a [Match],
+    options: &'a RelativeOptions,
+    pairs: Pairs,
+    /// From the most to the least promising, as positions in `pairs`.
+    order: Option<Vec<usize>>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(matches: &'a [Match], options: &'a RelativeOptions) -> Result<Self, CannotSay> {
+        let usable: Vec<usize> = (0..matches.len())
+            .filter(|&i| [matches[i].a, matches[i].b].iter().all(|p| p.x.is_finite() && p.y.is_finite()))
+            .collect();
+        if usable.len() < MIN_MATCHES {
+            return Err(CannotSay::TooFewMatches { found: usable.len(), needed: MIN_MATCHES });
+        }
+        let source: Vec<usize> =
+            Random::new(options.seed).permutation(usable.len()).into_iter().map(|i| usable[i]).collect();
+        let pairs = Pairs::new(source.iter().map(|&i| {
+            let m = &matches[i];
+            [m.a.x, m.a.y, m.b.x, m.b.y]
+        }));
+        let score = |i: usize| matches[source[i]].score;
+        let differ = (1..source.len()).any(|i| score(i) != score(0));
+        let order = (options.order == Order::Prosac && differ).then(|| {
+            let mut order: Vec<usize> = (0..source.len()).collect();
+            let key = |i: usize| if score(i).is_nan() { f64::NEG_INFINITY } else { score(i) };
+            order.sort_by(|&i, &j| key(j).total_cmp(&key(i)));
+            order
+        });
+        Ok(Self { matches, options, pairs, order })
+    }
+
+    fn search(&self, local: Local, min_iterations: usize, max_iterations: usize) -> Search<'_> {
+        Search {
+            seed: self.options.seed.wrapping_add(1),
+            confidence: self.options.confidence,
+            min_iterations,
+            max_iterations,
+            local,
+            order: self.order.as_deref(),
+        }
+    }
+
+    fn essential(&self) -> Option<Found<Matrix3<f64>>> {
+        let (counting, local, least) = match self.options.refinement {
+            Refinement::None => (Counting::Inliers, Local::Keep, 0),
+            _ => (Counting::Squares, Local::Improve, MIN_ITERATIONS),
+        };
+        let mut estimator = EssentialSearch::new(&self.pairs, self.options.threshold, counting);
+        search(&mut estimator, &self.search(local, least, self.options.max_iterations))
+    }
+
+    fn rotation(&self) -> Option<Matrix3<f64>> {
+        let threshold = self.transfer_threshold();
+        let mut estimator = RotationSearch::new(&self.pairs, threshold);
+        let found = search(&mut estimator, &self.search(Local::Improve, 0, ROTATION_ITERATIONS))?;
+        let again = fit_rotation(&self.pairs, &found.model, threshold * threshold);
+        Some(again.unwrap_or(found.model))
+    }
+
+    /// The transfer error in B holds the noise of both points.
+    fn transfer_threshold(&self) -> f64 {
+        std::f64::consts::SQRT_2 * self.options.threshold
+    }
+
+    /// The one of the four motions of an essential matrix that has its inliers in front.
+    fn facing(&self, motion: &Motion) -> Motion {
+        let e = motion.essential();
+        let voters = (0..self.pairs.len())
+            .map(|i| (self.pairs.a(i), self.pairs.b(i)))
+            .filter(|(a, b)| sampson::distance(&e, a, b).abs() < self.options.threshold)
+            .take(VOTERS);
+        cheirality::most_in_front(&motions_of_essential(&e), voters).0
+    }
+
+    fn agrees(&self, motion: &Motion, e: &Matrix3<f64>, pair: &[f64; 4]) -> bool {
+        let a = nalgebra::Vector3::new(pair[0], pair[1], 1.0);
+        let b = nalgebra::Vector3::new(pair[2], pair[3], 1.0);
+        let threshold = self.options.threshold;
+        if sampson::distance(e, &a, &b).abs() >= threshold {
+            return false;
+        }
+        // A point at infinity falls behind by noise alone: it still agrees.
+        let at_infinity = || transfer_squared(&motion.rotation, pair) < 2.0 * threshold * threshold;
+        cheirality::in_front(motion, &a, &b) || at_infinity()
+    }
+
+    /// The degenerate cases.
+    fn refuse(&self, motion: Option<&Motion>, rotation: Option<&Matrix3<f64>>) -> Result<(), CannotSay> {
+        let n = self.pairs.len();
+        let count = |motion: &Motion| {
+            let e = motion.essential();
+            (0..n).filter(|&i| self.agrees(motion, &e, &self.pairs.at(i))).count()
+        };
+        let inliers = motion.map_or(0, count);
+        let chance = motion.map(|motion| {
+            let e = motion.essential();
+            chance_share(&self.pairs, |pair| self.agrees(motion, &e, pair))
+        });
+        let supported = chance.is_some_and(|chance| above_chance(inliers, n, 5, 10.0, chance));
+        if let Some(rotation) = rotation {
+            let limit = 2.0 * self.options.threshold * self.options.threshold;
+            let turned = (0..n).filter(|&i| transfer_squared(rotation, &self.pairs.at(i)) < limit).count();
+            let by_chance = chance_share(&self.pairs, |pair| transfer_squared(rotation, pair) < limit);
+            let residual = match (motion, supported) {
+                (Some(motion), true) => without_parallax(
+                    &self.pairs,
+                    motion,
+                    rotation,
+                    self.options.threshold,
+                    chance.unwrap_or(by_chance),
+                ),
+                _ => above_chance(turned, n, 2, 1.0, by_chance)
+                    .then(|| self.rotation_residual(rotation, limit)),
+            };
+            if let Some(residual) = residual {
+                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*rotation));
+                let rotation_deg = turn.angle().to_degrees();
+                return Err(CannotSay::NoParallax { rotation_deg, cam_b_from_cam_a: turn, residual });
+            }
+        }
+        if supported { Ok(()) } else { Err(CannotSay::NoConsensus { inliers, matches: self.matches.len() }) }
+    }
+
+    fn rotation_residual(&self, rotation: &Matrix3<f64>, limit: f64) -> f64 {
+        let near = (0..self.pairs.len())
+            .map(|i| transfer_squared(rotation, &self.pairs.at(i)))
+            .filter(|s| *s < limit);
+        let (sum, count) = near.fold((0.0, 0.0), |(s, c), v| (s + v, c + 1.0));
+        (0.25 * sum / f64::max(count, 1.0)).sqrt()
+    }
+
+    fn answer(&self, motion: &Motion, iterations: usize) -> RelativePose {
+        let threshold = self.options.threshold;
+        let e = motion.essential();
+        let inliers: Vec<bool> =
+            self.matches.iter().map(|m| self.agrees(motion, &e, &[m.a.x, m.a.y, m.b.x, m.b.y])).collect();
+        let rotation = Rotation3::from_matrix_unchecked(motion.rotation);
+        let cam_b_from_cam_a = Rigid3::new(rotation, Point3::from(motion.translation.normalize()));
+        let scale = hypotheses::final_scale(&self.pairs, &e, threshold);
+        let spread = uncertainty(&self.pairs, motion, scale * scale, threshold * threshold);
+        let plane_share = hypotheses::plane_share(&self.pairs, &e, threshold, self.options.seed);
+        RelativePose {
+            cam_b_from_cam_a,
+            inliers,
+            residual_rms: spread.rms,
+            covariance: spread.covariance,
+            plane_share,
+            iterations,
+        }
+    }
 }
