@@ -3,9 +3,13 @@
 //! Everything takes plain arrays, so that any matcher can feed it.
 #![forbid(unsafe_code)]
 
+pub mod cloud;
 pub mod error;
 pub mod frames;
+pub mod grid;
+pub mod hazard;
 pub mod prediction;
+pub mod scale;
 pub mod view;
 
 pub use error::Error;

@@ -1,0 +1,91 @@
+use super::*;
+use crate::prediction::{Fill, PredictedView};
+use selenograph_geometry::{CamB, Camera, Point2, Point3, pixel};
+use selenograph_raster::Raster;
+
+/// A plane `z = z0 + slope·y` in camera A, in units of half a baseline; both views hold the same points.
+fn prediction(z0: f64, slope: f64) -> Prediction {
+    let camera = Camera::from_fov(64, 64, 0.8).unwrap();
+    let points = Raster::from_fn(64, 64, |x, y| {
+        let ray = camera.ray_z1(&Point2::new(pixel::center_of(x), pixel::center_of(y))).unwrap();
+        let t = z0 / (1.0 - slope * ray.y);
+        [(ray.x * t) as f32, (ray.y * t) as f32, t as f32]
+    });
+    let view = PredictedView {
+        confidence: points.map(|_| 1.0),
+        sigma: None,
+        fill: points.map(|_| Fill::Measured),
+        points,
+    };
+    let cam_b_from_cam_a: Rigid3<CamB, CamA> =
+        Rigid3::from_quaternion(1.0, 0.0, 0.0, 0.0, Point3::new(2.0, 0.0, 0.0));
+    Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views: Some([view.clone(), view]) }
+}
+
+#[test]
+fn a_baseline_gives_the_scale_and_its_error() {
+    let source = ScaleSource::Baseline { baseline_m: 500.0, sigma_m: 5.0 };
+    let placement = place(&prediction(10.0, 0.0), source, World::Unknown).unwrap();
+    assert!((placement.cam_a_from_pred.scale() - 250.0).abs() < 1e-9);
+    assert!(placement.metric && (placement.scale_sigma.unwrap() - 0.01).abs() < 1e-12);
+    let mut without = prediction(10.0, 0.0);
+    without.cam_b_from_cam_a = Ok(Rigid3::identity());
+    assert!(matches!(place(&without, source, World::Unknown), Err(Error::Undetermined { .. })));
+    for baseline_m in [0.0, -1.0, f64::NAN] {
+        let source = ScaleSource::Baseline { baseline_m, sigma_m: 0.0 };
+        assert!(matches!(place(&without, source, World::Unknown), Err(Error::Value { .. })));
+    }
+}
+
+/// f32 points ten units away.
+const TOLERANCE: f64 = 1e-5;
+
+#[test]
+fn an_altitude_is_that_of_the_ground_straight_below() {
+    let source = ScaleSource::Altitude { altitude_m: 3000.0, sigma_m: 0.0 };
+    // Nadir, level ground: 10 units are 3000 m.
+    let level = place(&prediction(10.0, 0.0), source, World::Unknown).unwrap();
+    assert!((level.cam_a_from_pred.scale() / 300.0 - 1.0).abs() < TOLERANCE);
+    // The camera looks along the vertical at sloping ground: the point on the axis counts, not the nearest one.
+    let down = Rigid3::<Enu, CamA>::new(
+        selenograph_geometry::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_diagonal(
+            &Vector3::new(1.0, -1.0, -1.0),
+        )),
+        Point3::origin(),
+    );
+    let sloping = place(&prediction(10.0, 0.4), source, World::Level(down)).unwrap();
+    assert!((sloping.cam_a_from_pred.scale() / 300.0 - 1.0).abs() < 1e-3);
+    // Without attitude the normal of the ground is taken for the vertical: 10 cos(atan 0.4).
+    let fitted = place(&prediction(10.0, 0.4), source, World::Unknown).unwrap();
+    let across = 10.0 / 1.16f64.sqrt();
+    assert!((fitted.cam_a_from_pred.scale() * across / 3000.0 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn ground_that_is_not_seen_is_carried_on() {
+    // The camera is tilted by 60°: the vertical is far outside the picture.
+    let tilt = 60f64.to_radians();
+    let up = Vector3::new(0.0, -tilt.sin(), -tilt.cos());
+    let points = prediction(10.0, -tilt.tan());
+    let above = altitude::above_surface(&points, Some(&up)).unwrap();
+    assert!(!above.seen_below);
+    // The plane z = 10 − y tan 60° lies 10 cos 60° below.
+    assert!((above.altitude - 5.0).abs() < TOLERANCE, "{}", above.altitude);
+    assert!(altitude::above_surface(&points, Some(&-up)).is_err());
+    let nothing = Prediction { views: None, ..points };
+    assert!(matches!(altitude::above_surface(&nothing, Some(&up)), Err(Error::TooFewPoints { .. })));
+}
+
+#[test]
+fn a_similarity_to_the_body_is_a_scale_and_a_pose() {
+    let rigid: Rigid3<BodyFixed, PredA> =
+        Rigid3::from_quaternion(0.5, 0.5, -0.5, 0.5, Point3::new(1e6, 2e5, -1.3e6));
+    let body_from_pred = Sim3::new(123.0, rigid).unwrap();
+    let placement =
+        Placement::from_body(Body::moon(), &body_from_pred, Some(0.01), ScaleKind::Points).unwrap();
+    let x = Point3::new(0.3, -2.0, 11.0);
+    let back = placement.body_from_pred().unwrap().point(&x);
+    assert!((back - body_from_pred.point(&x)).norm() < 1e-8);
+    let up = placement.world.up_in_cam_a().unwrap();
+    assert!((up.norm() - 1.0).abs() < 1e-12);
+}
