@@ -225,8 +225,9 @@ impl Fit {
     fn over(columns: &[Sums], x: usize, reach: usize, cells: usize, steps: [f64; 2]) -> Option<Self> {
         let mut t = Sums::default();
         let (mut sx, mut sxx, mut sxy, mut shx) = (0.0, 0.0, 0.0, 0.0);
-        for column in x.saturating_sub(reach)..(x + reach + 1).min(columns.len()) {
-            let (dx, c) = (column as f64 - x as f64, &columns[column]);
+        let first = x.saturating_sub(reach);
+        for (i, c) in columns[first..(x + reach + 1).min(columns.len())].iter().enumerate() {
+            let dx = (first + i) as f64 - x as f64;
             t.n += c.n;
             t.y += c.y;
             t.yy += c.yy;
