@@ -1,15 +1,21 @@
 //! Two pictures into terrain: features, matches, dense stereo, pointmaps, clouds and elevation models.
 //!
 //! Everything takes plain arrays, so that any matcher can feed it.
-#![forbid(unsafe_code)]
+// Allowed in `dispatch` only, to call what was compiled for an instruction set that the machine has.
+#![deny(unsafe_code)]
 
 pub mod cloud;
+mod dispatch;
 pub mod error;
+pub mod features;
 pub mod frames;
 pub mod grid;
 pub mod hazard;
+pub mod matching;
 pub mod prediction;
+pub mod relative_pose;
 pub mod scale;
+pub mod subpixel;
 pub mod view;
 
 pub use error::Error;

@@ -1,0 +1,301 @@
+//! The relative pose of two pictures: features, matches, robust estimate, subpixel refinement, final estimate.
+
+use crate::features::intensity::Intensity;
+use crate::features::{orb, sift};
+use crate::matching::{self, Match};
+use crate::subpixel;
+use crate::view::View;
+use selenograph_geometry::{Camera, Point2};
+use selenograph_pose::relative::{CannotSay, Order, Refinement, RelativeOptions, RelativePose, estimate};
+use selenograph_pose::sampson;
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+/// Matches that an estimate needs at least, as it says itself.
+const MIN_MATCHES: usize = 8;
+
+/// Refined matches must be this share of the first inliers, or the first estimate stays: a handful of windows on one crater
+/// would be exact and still worse.
+const MIN_REFINED_SHARE: f64 = 0.5;
+
+/// Settings of the chain called `sift`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SiftOptions {
+    /// How features are found.
+    pub features: sift::Options,
+    /// Which of them match.
+    pub matching: matching::Options,
+    /// Largest Sampson distance of an inlier among feature matches, pixels.
+    pub threshold_px: f64,
+    /// How windows are aligned; `None` stops at the features' own places.
+    pub subpixel: Option<subpixel::Options>,
+    /// Largest Sampson distance of an inlier among aligned windows, pixels.
+    pub refined_threshold_px: f64,
+    /// Seed of the random samples.
+    pub seed: u64,
+}
+
+impl Default for SiftOptions {
+    fn default() -> Self {
+        Self {
+            features: sift::Options::default(),
+            matching: matching::Options::default(),
+            threshold_px: 1.0,
+            subpixel: Some(subpixel::Options::default()),
+            refined_threshold_px: 0.3,
+            seed: 0,
+        }
+    }
+}
+
+/// Settings of the paper's baseline. It states none: these are the proposal of its successors' protocol, OpenCV's defaults with 5000
+/// features, cross-checked.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OrbOptions {
+    /// How features are found.
+    pub features: orb::Options,
+    /// Which of them match.
+    pub matching: matching::Options,
+    /// Largest Sampson distance of an inlier, pixels.
+    pub threshold_px: f64,
+    /// What is done after the minimal model: nothing in the paper's protocol.
+    pub refinement: Refinement,
+    /// Probability with which no better sample was missed.
+    pub confidence: f64,
+    /// Seed of the random samples.
+    pub seed: u64,
+}
+
+impl Default for OrbOptions {
+    fn default() -> Self {
+        Self {
+            features: orb::Options::default(),
+            matching: matching::Options { max_ratio: 1.0 },
+            threshold_px: 1.0,
+            refinement: Refinement::None,
+            confidence: 0.9999,
+            seed: 0,
+        }
+    }
+}
+
+/// A match with what the pose leaves of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairMatch {
+    /// In picture A, pixels from its corner.
+    pub a: Point2<f64>,
+    /// In picture B.
+    pub b: Point2<f64>,
+    /// Signed Sampson distance, pixels; NaN outside a camera's lens model.
+    pub residual_px: f64,
+    /// Standard deviation by the windows' residual, pixels; `None` for a match of features.
+    pub sigma_px: Option<f64>,
+    /// Whether it agrees with the pose.
+    pub inlier: bool,
+}
+
+/// How many there were after each step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Counts {
+    /// Features of A and of B.
+    pub features: [usize; 2],
+    /// Matches of features.
+    pub matches: usize,
+    /// Those that agree with the first estimate.
+    pub first_inliers: usize,
+    /// Aligned windows.
+    pub refined: usize,
+    /// Matches that agree with the pose.
+    pub inliers: usize,
+}
+
+/// What each step took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Durations {
+    /// Finding and describing features in both pictures.
+    pub features: Duration,
+    /// Matching them.
+    pub matching: Duration,
+    /// First estimate.
+    pub estimate: Duration,
+    /// Aligning windows.
+    pub subpixel: Duration,
+    /// Final estimate.
+    pub refinement: Duration,
+}
+
+/// A relative pose and the matches it rests on.
+#[derive(Debug, Clone)]
+pub struct PairPose {
+    /// The pose, its translation of length 1; its list of inliers goes with `matches`.
+    pub pose: RelativePose,
+    /// The matches of the last step that had enough of them.
+    pub matches: Vec<PairMatch>,
+    /// How many there were after each step.
+    pub counts: Counts,
+    /// What each step took.
+    pub durations: Durations,
+}
+
+/// The whole chain: SIFT, mutual nearest neighbours, LO-RANSAC, aligned windows, Sampson refinement over all of them.
+///
+/// # Errors
+/// [`CannotSay`] with the reason, also for pictures that show nothing.
+pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
+    let mut clock = Clock::start();
+    let mut durations = Durations::default();
+    let (Some(seen_a), Some(seen_b)) =
+        rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
+    else {
+        return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
+    };
+    let (features_a, features_b) = rayon::join(
+        || sift::detect_in(&seen_a, &options.features),
+        || sift::detect_in(&seen_b, &options.features),
+    );
+    durations.features = clock.lap();
+    let found = matching::sift(&features_a, &features_b, &options.matching);
+    durations.matching = clock.lap();
+    let mut counts = Counts {
+        features: [features_a.keypoints.len(), features_b.keypoints.len()],
+        matches: found.len(),
+        ..Counts::default()
+    };
+    let cameras = [&a.camera, &b.camera];
+    let robust = |threshold_px: f64| RelativeOptions {
+        threshold: threshold_px / focal_px(cameras),
+        seed: options.seed,
+        ..RelativeOptions::default()
+    };
+    let first = Estimated::new(&found, None, cameras, &robust(options.threshold_px))?;
+    durations.estimate = clock.lap();
+    let seeds = first.inliers(&found);
+    counts.first_inliers = seeds.len();
+    let refined = match &options.subpixel {
+        Some(options) => subpixel::refine(&seen_a, &seen_b, &seeds, options),
+        None => Vec::new(),
+    };
+    durations.subpixel = clock.lap();
+    counts.refined = refined.len();
+    let second = (refined.len() >= MIN_MATCHES
+        && refined.len() as f64 >= MIN_REFINED_SHARE * seeds.len() as f64)
+        .then(|| {
+            let sigmas: Vec<f64> = refined.iter().map(|r| r.sigma_px).collect();
+            let aligned: Vec<Match> =
+                refined.iter().map(|r| Match { a: r.a, b: r.b, score: -r.sigma_px }).collect();
+            Estimated::new(&aligned, Some(&sigmas), cameras, &robust(options.refined_threshold_px)).ok()
+        })
+        .flatten();
+    durations.refinement = clock.lap();
+    Ok(second.unwrap_or(first).into_pair(counts, durations))
+}
+
+/// The paper's baseline: ORB, cross-checked Hamming neighbours, five-point RANSAC; `options.refinement` decides whether anything follows.
+///
+/// # Errors
+/// [`CannotSay`] with the reason, also for pictures that show nothing.
+pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotSay> {
+    let mut clock = Clock::start();
+    let mut durations = Durations::default();
+    let (features_a, features_b) =
+        rayon::join(|| orb::detect(&a.image, &options.features), || orb::detect(&b.image, &options.features));
+    durations.features = clock.lap();
+    let found = matching::orb(&features_a, &features_b, &options.matching);
+    durations.matching = clock.lap();
+    let cameras = [&a.camera, &b.camera];
+    let robust = RelativeOptions {
+        threshold: options.threshold_px / focal_px(cameras),
+        seed: options.seed,
+        confidence: options.confidence,
+        refinement: options.refinement,
+        order: if options.refinement == Refinement::None { Order::Random } else { Order::Prosac },
+        ..RelativeOptions::default()
+    };
+    let estimated = Estimated::new(&found, None, cameras, &robust)?;
+    durations.estimate = clock.lap();
+    let counts = Counts {
+        features: [features_a.keypoints.len(), features_b.keypoints.len()],
+        matches: found.len(),
+        first_inliers: estimated.inliers(&found).len(),
+        ..Counts::default()
+    };
+    Ok(estimated.into_pair(counts, durations))
+}
+
+/// Time between steps.
+struct Clock(Instant);
+
+impl Clock {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    fn lap(&mut self) -> Duration {
+        let now = Instant::now();
+        let passed = now - self.0;
+        self.0 = now;
+        passed
+    }
+}
+
+/// The geometric mean of the focal lengths of both cameras, pixels: what carries a distance in pixels to the plane `z = 1`.
+fn focal_px(cameras: [&Camera; 2]) -> f64 {
+    cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25)
+}
+
+/// An estimate with the matches it came from.
+struct Estimated {
+    pose: RelativePose,
+    matches: Vec<PairMatch>,
+}
+
+impl Estimated {
+    fn new(
+        found: &[Match],
+        sigmas_px: Option<&[f64]>,
+        cameras: [&Camera; 2],
+        options: &RelativeOptions,
+    ) -> Result<Self, CannotSay> {
+        let outside = Point2::new(f64::NAN, f64::NAN);
+        let on_plane =
+            |camera: &Camera, at: &Point2<f64>| camera.ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
+        let matches: Vec<_> = found
+            .iter()
+            .map(|m| selenograph_pose::relative::Match {
+                a: on_plane(cameras[0], &m.a),
+                b: on_plane(cameras[1], &m.b),
+                score: m.score,
+            })
+            .collect();
+        let pose = estimate(&matches, options)?;
+        let motion = selenograph_pose::decompose::Motion {
+            rotation: pose.cam_b_from_cam_a.rotation(),
+            translation: pose.cam_b_from_cam_a.origin().coords,
+        };
+        let (essential, focal_px) = (motion.essential(), focal_px(cameras));
+        let matches = (0..found.len())
+            .map(|i| {
+                let [a, b] = [&matches[i].a, &matches[i].b].map(|p| nalgebra::Vector3::new(p.x, p.y, 1.0));
+                PairMatch {
+                    a: found[i].a,
+                    b: found[i].b,
+                    residual_px: sampson::distance(&essential, &a, &b) * focal_px,
+                    sigma_px: sigmas_px.map(|sigmas| sigmas[i]),
+                    inlier: pose.inliers[i],
+                }
+            })
+            .collect();
+        Ok(Self { pose, matches })
+    }
+
+    fn inliers(&self, found: &[Match]) -> Vec<Match> {
+        found.iter().zip(&self.pose.inliers).filter(|(_, inlier)| **inlier).map(|(m, _)| *m).collect()
+    }
+
+    fn into_pair(self, counts: Counts, durations: Durations) -> PairPose {
+        let inliers = self.pose.inliers.iter().filter(|inlier| **inlier).count();
+        PairPose { pose: self.pose, matches: self.matches, counts: Counts { inliers, ..counts }, durations }
+    }
+}
