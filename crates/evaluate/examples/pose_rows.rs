@@ -110,7 +110,8 @@ fn main() {
                 camera: v.camera.clone(),
             };
             let [a, b] = [view(a, light), view(b, (light + cross) % lights)];
-            let found = if method.starts_with("orb") { orb(&a, &b, &baseline) } else { sift(&a, &b, &options) };
+            let found =
+                if method.starts_with("orb") { orb(&a, &b, &baseline) } else { sift(&a, &b, &options) };
             let errors = found.as_ref().ok().map(|found| errors_deg(&found.pose.cam_b_from_cam_a, &truth));
             rows.entry(kind.to_owned()).or_default().push(errors);
             if let Ok(found) = &found {
@@ -126,7 +127,14 @@ fn main() {
     }
     print_row(&method, "all", &rows.into_values().flatten().collect::<Vec<_>>());
     let median = |i: usize| selenograph_raster::statistics::median(timed.iter().map(|t| t[i])).unwrap_or(0.0);
-    println!("median ms: features {:.1} matching {:.1} estimate {:.1} subpixel {:.1} final {:.1}", median(0), median(1), median(2), median(3), median(4));
+    println!(
+        "median ms: features {:.1} matching {:.1} estimate {:.1} subpixel {:.1} final {:.1}",
+        median(0),
+        median(1),
+        median(2),
+        median(3),
+        median(4)
+    );
 }
 
 fn milliseconds(found: &PairPose) -> [f64; 5] {
@@ -141,14 +149,21 @@ fn print_pair(
 ) {
     match (found, errors) {
         (Ok(found), Some([rra, rta])) => {
-            let mut residuals: Vec<f64> = found.matches.iter().filter(|m| m.inlier).map(|m| m.residual_px.abs()).collect();
+            let mut residuals: Vec<f64> =
+                found.matches.iter().filter(|m| m.inlier).map(|m| m.residual_px.abs()).collect();
             residuals.sort_by(f64::total_cmp);
             let c = &found.counts;
             let sigma = found.pose.covariance.diagonal().map(|v| v.sqrt().to_degrees());
             println!(
                 "{name}: RRA {rra:.4} RTA {rta:.4} features {:?} matches {} first {} refined {} inliers {} median residual {:.4} px sigma t {:.3} {:.3}",
-                c.features, c.matches, c.first_inliers, c.refined, c.inliers,
-                residuals.get(residuals.len() / 2).copied().unwrap_or(f64::NAN), sigma[3], sigma[4]
+                c.features,
+                c.matches,
+                c.first_inliers,
+                c.refined,
+                c.inliers,
+                residuals.get(residuals.len() / 2).copied().unwrap_or(f64::NAN),
+                sigma[3],
+                sigma[4]
             );
         }
         (Err(reason), _) => println!("{name}: {reason}"),
@@ -162,11 +177,19 @@ fn print_row(method: &str, kind: &str, errors: &[Option<[f64; 2]>]) {
     let median = |i: usize| selenograph_raster::statistics::median(column(i)).unwrap_or(f64::NAN);
     let max = |i: usize| column(i).fold(0.0, f64::max);
     let below = |i: usize| -> String {
-        let share = |limit: f64| 100.0 * column(i).filter(|e| *e < limit).count() as f64 / errors.len() as f64;
+        let share =
+            |limit: f64| 100.0 * column(i).filter(|e| *e < limit).count() as f64 / errors.len() as f64;
         [2.0, 5.0, 15.0, 30.0].map(|limit| format!("{:.0}", share(limit))).join("/")
     };
     println!(
         "{method} {kind}: n {} no answer {} RRA median {:.4} max {:.4} @2/5/15/30 {}  RTA median {:.4} max {:.4} @2/5/15/30 {}",
-        errors.len(), errors.len() - answered.len(), median(0), max(0), below(0), median(1), max(1), below(1)
+        errors.len(),
+        errors.len() - answered.len(),
+        median(0),
+        max(0),
+        below(0),
+        median(1),
+        max(1),
+        below(1)
     );
 }

@@ -146,8 +146,7 @@ pub struct PairPose {
 pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
     let mut clock = Clock::start();
     let mut durations = Durations::default();
-    let (Some(seen_a), Some(seen_b)) =
-        rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
+    let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
@@ -259,8 +258,9 @@ impl Estimated {
         options: &RelativeOptions,
     ) -> Result<Self, CannotSay> {
         let outside = Point2::new(f64::NAN, f64::NAN);
-        let on_plane =
-            |camera: &Camera, at: &Point2<f64>| camera.ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
+        let on_plane = |camera: &Camera, at: &Point2<f64>| {
+            camera.ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y))
+        };
         let matches: Vec<_> = found
             .iter()
             .map(|m| selenograph_pose::relative::Match {
