@@ -1,9 +1,20 @@
 //! Predictions against truth: every metric with its definition, floors beside it, tables, plots and figures.
 #![forbid(unsafe_code)]
 
+pub mod agreement;
+pub mod aligned;
+pub mod alignment;
+pub mod calibration;
+pub mod cloud;
+pub mod depth_error;
 pub mod error;
+pub mod hazard;
 pub mod pair_metrics;
+pub mod point_error;
 pub mod pose_error;
+pub mod profile;
+pub mod slope;
+pub mod ssim;
 pub mod truth;
 
 pub use error::Error;

@@ -78,6 +78,11 @@ macro_rules! numbers {
                 [$((stringify!($key), self.$key)),*].into_iter()
             }
 
+            /// Values that are no numbers become null.
+            pub(crate) fn keep_finite(&mut self) {
+                $(self.$key = self.$key.filter(|value| value.is_finite());)*
+            }
+
             /// The value of a key; `None` for a null as for an unknown key.
             pub fn get(&self, key: &str) -> Option<f64> {
                 self.iter().find(|(name, _)| *name == key)?.1
@@ -147,24 +152,24 @@ numbers! {
     chamfer_10k_floor_m, "m", None, "`chamfer_10k_m` of the truth against itself under the same draws: what a perfect answer scores";
     chamfer_10k_floor_pct_bbox, "%", None, "`chamfer_10k_pct_bbox` of the truth against itself under the same draws: what a perfect answer scores";
     chamfer_10k_floor_pct_depth_z, "%", None, "`chamfer_10k_pct_depth_z` of the truth against itself under the same draws: what a perfect answer scores";
-    chamfer_floor_m, "m", None, "`chamfer_m` of the truth against itself: 0 by definition, or against dequantised truth where that was stored in half floats (all truth of the region)";
+    chamfer_floor_m, "m", None, "`chamfer_m` of the truth against itself: 0, for at full density a perfect answer has every true point";
     chamfer_10k_ransac_m, "m", Down, "`chamfer_10k_m` under the paper's RANSAC alignment";
     slope_corr_code, "1", Up, "Pearson correlation of slopes in view A: the authors' code: arctangent of the Sobel gradient of world Z over 8, per pixel (pixel size 1)";
-    slope_corr_code_ceiling, "1", None, "`slope_corr_code` of dequantised against stored truth: what a perfect answer scores; 1 where the truth is not quantised";
+    slope_corr_code_ceiling, "1", None, "`slope_corr_code` of dequantised against stored truth: what a perfect answer scores; null where the truth is not quantised";
     slope_corr_gsd, "1", Up, "Pearson correlation of slopes in view A: Sobel gradient of world Z over 8 footprints (`footprint_m`), mask eroded by 4 px";
-    slope_corr_gsd_ceiling, "1", None, "`slope_corr_gsd` of dequantised against stored truth: what a perfect answer scores; 1 where the truth is not quantised";
+    slope_corr_gsd_ceiling, "1", None, "`slope_corr_gsd` of dequantised against stored truth: what a perfect answer scores; null where the truth is not quantised";
     slope_corr_normals, "1", Up, "Pearson correlation of slopes in view A: normals from 30 nearest neighbours in view A's cloud, against world Z";
-    slope_corr_normals_ceiling, "1", None, "`slope_corr_normals` of dequantised against stored truth: what a perfect answer scores; 1 where the truth is not quantised";
+    slope_corr_normals_ceiling, "1", None, "`slope_corr_normals` of dequantised against stored truth: what a perfect answer scores; null where the truth is not quantised";
     slope_corr_true, "1", Up, "Pearson correlation of slopes in view A: normals by central differences over ±2 px of the points, against the local vertical";
-    slope_corr_true_ceiling, "1", None, "`slope_corr_true` of dequantised against stored truth: what a perfect answer scores; 1 where the truth is not quantised";
+    slope_corr_true_ceiling, "1", None, "`slope_corr_true` of dequantised against stored truth: what a perfect answer scores; null where the truth is not quantised";
     slope_mae_code_deg, "deg", Down, "mean absolute difference of the slopes of `slope_corr_code`";
-    slope_mae_code_floor_deg, "deg", None, "`slope_mae_code_deg` of dequantised against stored truth";
+    slope_mae_code_floor_deg, "deg", None, "`slope_mae_code_deg` of dequantised against stored truth; null where the truth is not quantised";
     slope_mae_gsd_deg, "deg", Down, "mean absolute difference of the slopes of `slope_corr_gsd`";
-    slope_mae_gsd_floor_deg, "deg", None, "`slope_mae_gsd_deg` of dequantised against stored truth";
+    slope_mae_gsd_floor_deg, "deg", None, "`slope_mae_gsd_deg` of dequantised against stored truth; null where the truth is not quantised";
     slope_mae_normals_deg, "deg", Down, "mean absolute difference of the slopes of `slope_corr_normals`";
-    slope_mae_normals_floor_deg, "deg", None, "`slope_mae_normals_deg` of dequantised against stored truth";
+    slope_mae_normals_floor_deg, "deg", None, "`slope_mae_normals_deg` of dequantised against stored truth; null where the truth is not quantised";
     slope_mae_deg, "deg", Down, "mean absolute difference of the slopes of `slope_corr_true`";
-    slope_mae_floor_deg, "deg", None, "`slope_mae_deg` of dequantised against stored truth";
+    slope_mae_floor_deg, "deg", None, "`slope_mae_deg` of dequantised against stored truth; null where the truth is not quantised";
     hazard_agree_5deg, "1", Up, "share of pixels on the same side of 5° in both slopes (as `slope_corr_true`)";
     hazard_false_alarm_5deg, "1", Down, "share of pixels steeper than 5° in the prediction only";
     hazard_miss_5deg, "1", Down, "share of pixels steeper than 5° in the truth only";

@@ -2,10 +2,13 @@
 
 pub mod definitions;
 pub mod reference;
+mod region;
+mod surface;
 
 pub use definitions::{Better, Definition, PairNumbers, RegionNumbers, Scope, definition, definitions};
 pub use reference::{Reference, measure};
 
+use crate::calibration::{Reliability, Sparsification};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -62,26 +65,6 @@ pub enum Region {
     Full,
 }
 
-/// Observed against expected coverage of central intervals.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Reliability {
-    /// Expected share of errors inside the interval.
-    pub expected: Vec<f64>,
-    /// Observed share.
-    pub observed: Vec<f64>,
-}
-
-/// Mean error of what remains when the least certain pixels are left out, over the mean error of all.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sparsification {
-    /// Share left out.
-    pub left_out: Vec<f64>,
-    /// In order of the method's certainty.
-    pub by_method: Vec<f64>,
-    /// In order of the error itself: the best any certainty can do.
-    pub by_error: Vec<f64>,
-}
-
 /// What is a curve, not a number.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -128,7 +111,8 @@ pub struct PairMetrics {
 impl PairMetrics {
     /// The larger of both pose errors, degrees; infinite for a failure.
     pub fn pose_error_deg(&self) -> f64 {
-        self.rra_counted_deg().max(self.rta_counted_deg())
+        let larger = self.numbers.rra_deg.map(|rra| rra.max(self.numbers.rta_deg.unwrap_or(0.0)));
+        larger.filter(|_| !self.pose_failed).unwrap_or(f64::INFINITY)
     }
 
     /// The rotation error with a failure counted as infinite.
@@ -136,9 +120,9 @@ impl PairMetrics {
         self.numbers.rra_deg.filter(|_| !self.pose_failed).unwrap_or(f64::INFINITY)
     }
 
-    /// The translation error with a failure counted as infinite.
-    pub fn rta_counted_deg(&self) -> f64 {
-        self.numbers.rta_deg.filter(|_| !self.pose_failed).unwrap_or(f64::INFINITY)
+    /// The translation error with a failure counted as infinite; `None` where the true translation has no direction.
+    pub fn rta_counted_deg(&self) -> Option<f64> {
+        if self.pose_failed { Some(f64::INFINITY) } else { self.numbers.rta_deg }
     }
 
     /// The metrics of a region.

@@ -1,5 +1,8 @@
 //! What is known of a pair: cameras, poses, z-depth, and how finely the depth was stored.
 
+pub mod covisible;
+pub mod plane;
+
 use nalgebra::{Point2, Point3, Vector3};
 use selenograph_dataset::import::{StereoPair, StereoView};
 use selenograph_dataset::photometric::dequantise::half_interval;
