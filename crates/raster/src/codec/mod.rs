@@ -7,6 +7,7 @@ pub mod exr;
 pub mod jpeg;
 pub mod npz;
 pub mod pgm;
+pub mod picture;
 pub mod png;
 
 use crate::{Error, Raster};

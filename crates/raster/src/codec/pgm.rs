@@ -11,6 +11,14 @@ const FORMAT: &str = "PGM";
 /// # Errors
 /// [`Error::Malformed`] if the header or the number of samples is wrong.
 pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
+    decode_with_white(bytes, origin).map(|(picture, _)| picture)
+}
+
+/// Decodes, with the header's largest value: the level of white.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_with_white(bytes: &[u8], origin: &Path) -> Result<(Picture, u16), Error> {
     let bad = |what: &str| malformed(FORMAT, origin, what);
     let plain = match bytes.get(..2) {
         Some(b"P2") => true,
@@ -41,12 +49,13 @@ pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
     if samples.len() != count {
         return Err(bad(&format!("{} samples, expected {count}", samples.len())));
     }
-    Ok(if wide {
+    let picture = if wide {
         Picture::Grey16(Raster { width, height, data: samples })
     } else {
         let data = samples.into_iter().map(|sample| sample.min(255) as u8).collect();
         Picture::Grey8(Raster { width, height, data })
-    })
+    };
+    Ok((picture, largest as u16))
 }
 
 /// Reads a file.

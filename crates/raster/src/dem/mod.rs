@@ -5,11 +5,12 @@
 
 pub mod geotiff;
 pub mod info;
-mod pds3;
-mod pds4;
-mod raw;
+pub(crate) mod pds3;
+pub(crate) mod pds4;
+pub(crate) mod raw;
 pub mod sample;
 
+pub use geotiff::cog;
 pub use geotiff::{GeoTiffLayout, GeoTiffWriter, WriteOptions};
 pub use info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs};
 pub use sample::{ByteOrder, SampleType};
@@ -167,13 +168,13 @@ fn sniff_text(head: &[u8]) -> Content {
 }
 
 /// The label of a raw image: the same name with another ending, of any case.
-fn label_beside(path: &Path) -> Option<PathBuf> {
+pub(crate) fn label_beside(path: &Path) -> Option<PathBuf> {
     let stem = path.file_stem()?.to_str()?;
     ["lbl", "xml"].iter().find_map(|ending| find_beside(path, &format!("{stem}.{ending}")))
 }
 
 /// The file of that name in the folder of `path`, whatever its case; the same case is preferred.
-fn find_beside(path: &Path, name: &str) -> Option<PathBuf> {
+pub(crate) fn find_beside(path: &Path, name: &str) -> Option<PathBuf> {
     // Labels made on other systems may name folders; archives are rarely unpacked with them.
     let name = name.rsplit(['/', '\\']).next().filter(|name| !name.is_empty())?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -5,13 +5,13 @@
 //! (`upperleft_corner_x/y` are the outer corner of the first pixel).
 
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
-use super::raw::{Interleave, RawLayout, RawRows};
+use super::raw::{Interleave, RawLayout, RawPicture, RawRows};
 use super::sample::{ByteOrder, HeightLaw, SampleType};
 use super::{Opened, RowSource, find_beside};
 use crate::{Affine, Error};
 use roxmltree::{Document, Node};
 use selenograph_geometry::proj_string::{self, Crs};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Labels are tens of kilobytes.
 const MAX_LABEL_BYTES: u64 = 16 << 20;
@@ -212,30 +212,62 @@ fn nodata(array: Node, sample_type: SampleType) -> Vec<f64> {
     values
 }
 
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> {
+/// The label's text; empty (which no parser takes) where it is too large for one.
+fn read_xml(path: &Path) -> Result<String, Error> {
     let size = std::fs::metadata(path).map_err(Error::io("open", path))?.len();
     let xml = if size <= MAX_LABEL_BYTES {
         std::fs::read(path).map_err(Error::io("read", path))?
     } else {
         Vec::new()
     };
-    let xml = String::from_utf8_lossy(&xml);
-    let document = Document::parse(&xml).map_err(|e| Error::Malformed {
+    Ok(String::from_utf8_lossy(&xml).into_owned())
+}
+
+fn parse<'a>(path: &Path, xml: &'a str) -> Result<Document<'a>, Error> {
+    Document::parse(xml).map_err(|e| Error::Malformed {
         path: path.to_owned(),
         what: "PDS4 label".to_owned(),
         expected: "well-formed XML".to_owned(),
         found: e.to_string(),
-    })?;
+    })
+}
+
+/// The file that holds the array.
+fn data_path(label: &Label, array: Node) -> Result<PathBuf, Error> {
+    let file_area = array.parent().unwrap_or(label.root);
+    let name =
+        text(file_area, "file_name").ok_or_else(|| label.malformed("PDS4 label", "a file_name", "none"))?;
+    find_beside(label.path, name)
+        .ok_or_else(|| Error::MissingFile { path: label.path.to_owned(), target: name.to_owned() })
+}
+
+/// The label's array as a picture: no map is needed.
+pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
+    let xml = read_xml(path)?;
+    let document = parse(path, &xml)?;
+    let label = Label { path, root: document.root() };
+    let array = label.array()?;
+    let layout = label.layout(array)?;
+    Ok(RawPicture {
+        data_path: data_path(&label, array)?,
+        scale: number(array, "scaling_factor").filter(|v| *v != 0.0).unwrap_or(1.0),
+        offset: number(array, "value_offset").unwrap_or(0.0),
+        nodata: nodata(array, layout.sample_type),
+        white: None,
+        layout,
+        notes: Vec::new(),
+    })
+}
+
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> {
+    let xml = read_xml(path)?;
+    let document = parse(path, &xml)?;
     let label = Label { path, root: document.root() };
     let array = label.array()?;
     let layout = label.layout(array)?;
     let band_idx = options.band_idx(path, layout.num_bands)?;
 
-    let file_area = array.parent().unwrap_or(label.root);
-    let name =
-        text(file_area, "file_name").ok_or_else(|| label.malformed("PDS4 label", "a file_name", "none"))?;
-    let data_path = find_beside(path, name)
-        .ok_or_else(|| Error::MissingFile { path: path.to_owned(), target: name.to_owned() })?;
+    let data_path = data_path(&label, array)?;
     let rows = RawRows::open(&data_path, &layout, band_idx)?;
 
     let map_from_pixel = label.map_from_pixel()?;

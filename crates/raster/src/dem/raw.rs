@@ -11,7 +11,7 @@ const BLOCK_BYTES: u64 = 8 << 20;
 
 /// How bands lie in the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Interleave {
+pub(crate) enum Interleave {
     /// One whole band after the other.
     Band,
     /// A line of each band, then the next line.
@@ -22,22 +22,38 @@ pub(super) enum Interleave {
 
 /// Size and layout of the image as its label has it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct RawLayout {
-    pub(super) offset: u64,
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) num_bands: usize,
-    pub(super) interleave: Interleave,
+pub(crate) struct RawLayout {
+    pub(crate) offset: u64,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) num_bands: usize,
+    pub(crate) interleave: Interleave,
     /// Bytes before and after the samples of each line.
-    pub(super) prefix_bytes: u64,
-    pub(super) suffix_bytes: u64,
-    pub(super) sample_type: SampleType,
-    pub(super) order: ByteOrder,
+    pub(crate) prefix_bytes: u64,
+    pub(crate) suffix_bytes: u64,
+    pub(crate) sample_type: SampleType,
+    pub(crate) order: ByteOrder,
+}
+
+/// An uncompressed picture as its label describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RawPicture {
+    pub(crate) data_path: PathBuf,
+    pub(crate) layout: RawLayout,
+    /// Stored number → the label's unit: factor and summand.
+    pub(crate) scale: f64,
+    pub(crate) offset: f64,
+    /// Stored numbers that mean "absent".
+    pub(crate) nodata: Vec<f64>,
+    /// The largest stored number that the label allows, where it says so.
+    pub(crate) white: Option<f64>,
+    /// What had to be decided while reading, in sentences.
+    pub(crate) notes: Vec<String>,
 }
 
 /// Reads rows of one band.
 #[derive(Debug)]
-pub(super) struct RawRows {
+pub(crate) struct RawRows {
     file: File,
     path: PathBuf,
     start: u64,
@@ -53,7 +69,7 @@ pub(super) struct RawRows {
 
 impl RawRows {
     /// Opens the image and makes sure that it is as long as its label says.
-    pub(super) fn open(path: &Path, layout: &RawLayout, band_idx: usize) -> Result<Self, Error> {
+    pub(crate) fn open(path: &Path, layout: &RawLayout, band_idx: usize) -> Result<Self, Error> {
         let file = File::open(path).map_err(Error::io("open", path))?;
         let found = file.metadata().map_err(Error::io("read", path))?.len();
         let too_large = || Error::Malformed {
@@ -111,7 +127,7 @@ impl RawRows {
     }
 
     /// Rows `first..` into `out`, as many as it has room for.
-    pub(super) fn read(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
+    pub(crate) fn read(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
         let rows_per_block = (BLOCK_BYTES / self.row_stride).max(1) as usize;
         for (block_idx, heights) in out.chunks_mut(rows_per_block * self.width).enumerate() {
             let num_rows = (heights.len() / self.width) as u64;

@@ -232,12 +232,14 @@ impl TinyTiff {
             (257, Values::Longs(vec![height as u64])),
             (258, Values::Shorts(vec![self.size() as u16 * 8; bands.into()])),
             (259, short(self.compression)),
-            (262, short(1)),
             (277, short(bands)),
             (284, short(if self.planar { 2 } else { 1 })),
             (317, short(self.predictor)),
             (339, Values::Shorts(vec![format; bands.into()])),
         ]);
+        if tags.iter().all(|(number, _)| *number != 262) {
+            tags.push((262, short(1)));
+        }
         if self.chunk.0 == 0 {
             tags.push((278, Values::Longs(vec![self.chunk.1 as u64])));
             tags.extend([(273, Values::Longs(offsets)), (279, Values::Longs(counts))]);
@@ -281,6 +283,7 @@ impl TinyTiff {
     }
 
     /// Writes the file.
+    #[allow(dead_code, reason = "not every test binary writes files")]
     pub fn write(&self, path: &Path) {
         std::fs::write(path, self.encode()).unwrap();
     }

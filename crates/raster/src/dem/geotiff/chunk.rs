@@ -161,8 +161,8 @@ fn sum_samples(row: &mut [u8], num_interleaved: usize, size: usize, order: ByteO
     }
 }
 
-/// The floating-point predictor's forward form for one row of f32, most significant bytes first.
-pub(super) fn apply_float_predictor(row: &[f32], out: &mut Vec<u8>) {
+/// The floating-point predictor's forward form for one row of interleaved f32, most significant bytes first.
+pub(super) fn apply_float_predictor(row: &[f32], num_interleaved: usize, out: &mut Vec<u8>) {
     let start = out.len();
     let n = row.len();
     out.resize(start + 4 * n, 0);
@@ -172,8 +172,8 @@ pub(super) fn apply_float_predictor(row: &[f32], out: &mut Vec<u8>) {
             bytes[b * n + i] = byte;
         }
     }
-    for i in (1..bytes.len()).rev() {
-        bytes[i] = bytes[i].wrapping_sub(bytes[i - 1]);
+    for i in (num_interleaved..bytes.len()).rev() {
+        bytes[i] = bytes[i].wrapping_sub(bytes[i - num_interleaved]);
     }
 }
 
@@ -195,11 +195,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn float_predictor_round_trips(row in prop::collection::vec(any::<f32>(), 1..40)) {
+        fn float_predictor_round_trips(
+            pixels in prop::collection::vec(any::<[f32; 3]>(), 1..20),
+            num_interleaved in prop::sample::select(vec![1usize, 3]),
+        ) {
+            let row = pixels.as_flattened();
             let mut bytes = Vec::new();
-            apply_float_predictor(&row, &mut bytes);
+            apply_float_predictor(row, num_interleaved, &mut bytes);
             let n = bytes.len();
-            undo_predictor(Predictor::FloatingPoint, &mut bytes, n, 1, 4, ByteOrder::Little);
+            undo_predictor(Predictor::FloatingPoint, &mut bytes, n, num_interleaved, 4, ByteOrder::Little);
             let back: Vec<u32> = bytes.chunks(4).map(|b| u32::from_be_bytes(b.try_into().unwrap())).collect();
             prop_assert_eq!(back, row.iter().map(|v| v.to_bits()).collect::<Vec<_>>());
         }

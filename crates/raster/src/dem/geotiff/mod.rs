@@ -1,6 +1,8 @@
 //! GeoTIFF, BigTIFF and cloud-optimised GeoTIFF.
 
+pub(crate) mod bands;
 mod chunk;
+pub mod cog;
 mod directory;
 mod geokeys;
 mod metadata;
@@ -27,6 +29,7 @@ const IMAGE_WIDTH: u16 = 256;
 const IMAGE_LENGTH: u16 = 257;
 const BITS_PER_SAMPLE: u16 = 258;
 const COMPRESSION: u16 = 259;
+const PHOTOMETRIC: u16 = 262;
 const STRIP_OFFSETS: u16 = 273;
 const SAMPLES_PER_PIXEL: u16 = 277;
 const ROWS_PER_STRIP: u16 = 278;

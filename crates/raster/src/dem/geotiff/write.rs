@@ -11,7 +11,7 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
 /// Larger files than this need 64-bit offsets; the rest up to 4 GiB is left for tables and incompressible chunks.
-const MAX_CLASSIC_BYTES: u64 = 4_000_000_000;
+pub(super) const MAX_CLASSIC_BYTES: u64 = 4_000_000_000;
 
 /// How samples are cut into chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,13 +66,13 @@ pub struct GeoTiffWriter {
 }
 
 /// A tag of the directory: number, type, count and value bytes.
-pub(super) struct Tag(u16, u16, u64, Vec<u8>);
+pub(super) struct Tag(pub(super) u16, pub(super) u16, pub(super) u64, pub(super) Vec<u8>);
 
 impl Tag {
     pub(super) fn shorts(number: u16, values: &[u16]) -> Self {
         Self(number, 3, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
-    fn long(number: u16, value: u32) -> Self {
+    pub(super) fn long(number: u16, value: u32) -> Self {
         Self(number, 4, 1, value.to_le_bytes().to_vec())
     }
     pub(super) fn doubles(number: u16, values: &[f64]) -> Self {
@@ -83,7 +83,7 @@ impl Tag {
         Self(number, 2, bytes.len() as u64, bytes)
     }
     /// Offsets or sizes: 64 bits in a BigTIFF, else 32.
-    fn places(number: u16, values: impl Iterator<Item = u64>, big: bool) -> Self {
+    pub(super) fn places(number: u16, values: impl Iterator<Item = u64>, big: bool) -> Self {
         let mut bytes = Vec::new();
         let mut count = 0;
         for value in values {
@@ -239,7 +239,7 @@ impl GeoTiffWriter {
                 row.fill(f32::NAN);
             }
             match self.options.compression {
-                Compression::Deflate => apply_float_predictor(&row, &mut bytes),
+                Compression::Deflate => apply_float_predictor(&row, 1, &mut bytes),
                 _ => bytes.extend(row.iter().flat_map(|v| v.to_le_bytes())),
             }
         }
@@ -285,8 +285,8 @@ impl GeoTiffWriter {
             Tag::long(IMAGE_LENGTH, self.height as u32),
             Tag::shorts(BITS_PER_SAMPLE, &[32]),
             Tag::shorts(COMPRESSION, &[if deflate { 8 } else { 1 }]),
-            // Photometric interpretation: black is zero.
-            Tag::shorts(262, &[1]),
+            // Black is zero.
+            Tag::shorts(PHOTOMETRIC, &[1]),
             Tag::shorts(SAMPLES_PER_PIXEL, &[1]),
             Tag::shorts(PLANAR_CONFIGURATION, &[1]),
             Tag::shorts(SAMPLE_FORMAT, &[3]),

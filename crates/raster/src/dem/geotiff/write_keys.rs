@@ -11,16 +11,7 @@ use selenograph_geometry::{Pole, Projection};
 
 /// The transform and the GeoKeys of a map on a sphere, all user-defined, as GDAL writes them.
 pub(super) fn geo_tags(crs: &Crs, map_from_pixel: &Affine) -> Vec<Tag> {
-    let [x0, a1, a2, y0, a4, a5] = map_from_pixel.coefficients;
-    let mut tags = if a2 == 0.0 && a4 == 0.0 && a5 < 0.0 && a1 > 0.0 {
-        vec![
-            Tag::doubles(MODEL_PIXEL_SCALE, &[a1, -a5, 0.0]),
-            Tag::doubles(MODEL_TIEPOINT, &[0.0, 0.0, 0.0, x0, y0, 0.0]),
-        ]
-    } else {
-        let matrix = [a1, a2, 0.0, x0, a4, a5, 0.0, y0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        vec![Tag::doubles(MODEL_TRANSFORMATION, &matrix)]
-    };
+    let mut tags = transform_tags(map_from_pixel);
     let (model, transform, numbers) = projection_keys(&crs.projection);
     let name = format!("{} {}|", crs.body.name, crs.projection.name());
     let datum = format!("GCS Name = {0}|Datum = {0} sphere|Ellipsoid = {0} sphere|", crs.body.name);
@@ -44,6 +35,56 @@ pub(super) fn geo_tags(crs: &Crs, map_from_pixel: &Affine) -> Vec<Tag> {
     tags.push(Tag::shorts(GEO_KEY_DIRECTORY, &directory));
     tags.push(Tag::doubles(GEO_DOUBLE_PARAMS, &values));
     tags.push(Tag::text(GEO_ASCII_PARAMS, &format!("{name}{datum}")));
+    tags
+}
+
+/// The transform of pixels (from the corner) into map units.
+fn transform_tags(map_from_pixel: &Affine) -> Vec<Tag> {
+    let [x0, a1, a2, y0, a4, a5] = map_from_pixel.coefficients;
+    if a2 == 0.0 && a4 == 0.0 && a5 < 0.0 && a1 > 0.0 {
+        vec![
+            Tag::doubles(MODEL_PIXEL_SCALE, &[a1, -a5, 0.0]),
+            Tag::doubles(MODEL_TIEPOINT, &[0.0, 0.0, 0.0, x0, y0, 0.0]),
+        ]
+    } else {
+        let matrix = [a1, a2, 0.0, x0, a4, a5, 0.0, y0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        vec![Tag::doubles(MODEL_TRANSFORMATION, &matrix)]
+    }
+}
+
+/// The transform and the GeoKeys of a grid that lies nowhere on a body: an engineering system with a name.
+///
+/// `metric` says whether a unit of the grid is a metre; else the unit stays undefined.
+pub(super) fn local_tags(name: &str, metric: bool, local_from_pixel: &Affine) -> Vec<Tag> {
+    let mut tags = transform_tags(local_from_pixel);
+    // GeoKeys are ASCII, and a bar ends a text.
+    let name: String = name.chars().map(|c| if c.is_ascii_graphic() && c != '|' { c } else { ' ' }).collect();
+    let name = format!("{name}|");
+    let unit = if metric { 9001 } else { 32767 };
+    let directory = [
+        1,
+        1,
+        0,
+        4,
+        1024,
+        0,
+        1,
+        32767,
+        1025,
+        0,
+        1,
+        1,
+        1026,
+        GEO_ASCII_PARAMS,
+        name.len() as u16,
+        0,
+        3076,
+        0,
+        1,
+        unit,
+    ];
+    tags.push(Tag::shorts(GEO_KEY_DIRECTORY, &directory));
+    tags.push(Tag::text(GEO_ASCII_PARAMS, &name));
     tags
 }
 

@@ -5,7 +5,7 @@
 
 /// A value of a keyword.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Value {
+pub(crate) enum Value {
     /// A word, number or quoted text, with the unit that stood in angle brackets.
     Scalar { text: String, unit: Option<String> },
     /// A sequence or set.
@@ -14,7 +14,7 @@ pub(super) enum Value {
 
 impl Value {
     /// The text of a scalar, or of a list's first element.
-    pub(super) fn text(&self) -> &str {
+    pub(crate) fn text(&self) -> &str {
         match self {
             Self::Scalar { text, .. } => text,
             Self::List(items) => items.first().map_or("", Self::text),
@@ -22,7 +22,7 @@ impl Value {
     }
 
     /// The unit of a scalar.
-    pub(super) fn unit(&self) -> Option<&str> {
+    pub(crate) fn unit(&self) -> Option<&str> {
         match self {
             Self::Scalar { unit, .. } => unit.as_deref(),
             Self::List(items) => items.first().and_then(Self::unit),
@@ -30,7 +30,7 @@ impl Value {
     }
 
     /// The number, decimal or with a radix (`16#FF7FFFFB#`, taken as an integer).
-    pub(super) fn number(&self) -> Option<f64> {
+    pub(crate) fn number(&self) -> Option<f64> {
         let text = self.text();
         if let Some(bits) = self.bits() {
             return Some(bits as f64);
@@ -39,7 +39,7 @@ impl Value {
     }
 
     /// The digits of a number with a radix.
-    pub(super) fn bits(&self) -> Option<u64> {
+    pub(crate) fn bits(&self) -> Option<u64> {
         let (radix, digits) = self.text().split_once('#')?;
         let radix = radix.parse().ok().filter(|r| (2..=36).contains(r))?;
         u64::from_str_radix(digits.trim_end_matches('#'), radix).ok()
@@ -48,25 +48,25 @@ impl Value {
 
 /// An object or group: its keywords and what it contains.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Block {
-    pub(super) name: String,
-    pub(super) entries: Vec<(String, Value)>,
-    pub(super) blocks: Vec<Block>,
+pub(crate) struct Block {
+    pub(crate) name: String,
+    pub(crate) entries: Vec<(String, Value)>,
+    pub(crate) blocks: Vec<Block>,
 }
 
 impl Block {
     /// The value of a keyword of this block (upper case).
-    pub(super) fn get(&self, key: &str) -> Option<&Value> {
+    pub(crate) fn get(&self, key: &str) -> Option<&Value> {
         self.entries.iter().find(|(k, _)| k == key).map(|(_, v)| v)
     }
 
     /// The first block of that name, here or further inside.
-    pub(super) fn find_block(&self, name: &str) -> Option<&Block> {
+    pub(crate) fn find_block(&self, name: &str) -> Option<&Block> {
         self.walk().find(|block| block.name == name)
     }
 
     /// The first keyword of that name, here or further inside.
-    pub(super) fn find(&self, key: &str) -> Option<&Value> {
+    pub(crate) fn find(&self, key: &str) -> Option<&Value> {
         self.walk().find_map(|block| block.get(key))
     }
 
@@ -81,7 +81,7 @@ impl Block {
 }
 
 /// Parses a label up to its `END`; the error says what was expected and found.
-pub(super) fn parse(text: &str) -> Result<Block, (String, String)> {
+pub(crate) fn parse(text: &str) -> Result<Block, (String, String)> {
     let mut scanner = Scanner { rest: text };
     let mut stack = vec![Block::default()];
     loop {

@@ -1,10 +1,10 @@
 //! PDS3: a text label, attached to its image or beside it.
 
-mod label;
+pub(crate) mod label;
 mod map;
 
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
-use super::raw::{Interleave, RawLayout, RawRows};
+use super::raw::{Interleave, RawLayout, RawPicture, RawRows};
 use super::sample::{ByteOrder, HeightLaw, SampleType};
 use super::{Opened, RowSource, find_beside};
 use crate::Error;
@@ -18,14 +18,7 @@ const MAX_LABEL_BYTES: u64 = 1 << 20;
 
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> {
     let label = read_label(path)?;
-    let image =
-        label.find_block("IMAGE").ok_or_else(|| malformed(path, "label", "an IMAGE object", "none"))?;
-    if let Some(encoding) = image.get("ENCODING_TYPE").or_else(|| label.find("ENCODING_TYPE"))
-        && !matches!(encoding.text().to_ascii_uppercase().as_str(), "N/A" | "NONE")
-    {
-        let found = encoding.text().to_owned();
-        return Err(Error::Unsupported { path: path.to_owned(), what: "encoding", found, supported: "none" });
-    }
+    let image = uncompressed_image(path, &label)?;
     let (data_path, offset) = image_place(path, &label)?;
     let layout = raw_layout(path, image, offset)?;
     let band_idx = options.band_idx(path, layout.num_bands)?;
@@ -71,6 +64,47 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> 
         notes: map.notes,
     };
     Ok(Opened { info, law, rows: RowSource::Raw(rows) })
+}
+
+/// The label's image as a picture: no map is needed, and 8-bit samples are never signed.
+pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
+    let label = read_label(path)?;
+    let image = uncompressed_image(path, &label)?;
+    let (data_path, offset) = image_place(path, &label)?;
+    let mut layout = raw_layout(path, image, offset)?;
+    let mut notes = Vec::new();
+    if layout.sample_type == SampleType::I8 {
+        // `LSB_INTEGER` of 8 bits is what raw cameras' labels write for counts of 0 to 255.
+        layout.sample_type = SampleType::U8;
+        notes.push("8-bit samples are read as unsigned, whatever the label says".to_owned());
+    }
+    let companded = label.find("LRO:COMPAND_CODE").or_else(|| label.find("LRO:XTERM"));
+    if companded.is_some() && layout.sample_type == SampleType::U8 {
+        notes.push("raw counts, companded to 8 bits: grey levels are not linear in radiance".to_owned());
+    }
+    let mask = image.get("SAMPLE_BIT_MASK").and_then(Value::bits).filter(|mask| *mask > 0);
+    Ok(RawPicture {
+        data_path,
+        scale: image.get("SCALING_FACTOR").and_then(Value::number).filter(|v| *v != 0.0).unwrap_or(1.0),
+        offset: image.get("OFFSET").and_then(Value::number).unwrap_or(0.0),
+        nodata: nodata(image, layout.sample_type),
+        white: mask.filter(|_| !layout.sample_type.is_float()).map(|mask| mask as f64),
+        layout,
+        notes,
+    })
+}
+
+/// The label's IMAGE object, unless the image is encoded.
+fn uncompressed_image<'a>(path: &Path, label: &'a Block) -> Result<&'a Block, Error> {
+    let image =
+        label.find_block("IMAGE").ok_or_else(|| malformed(path, "label", "an IMAGE object", "none"))?;
+    if let Some(encoding) = image.get("ENCODING_TYPE").or_else(|| label.find("ENCODING_TYPE"))
+        && !matches!(encoding.text().to_ascii_uppercase().as_str(), "N/A" | "NONE")
+    {
+        let found = encoding.text().to_owned();
+        return Err(Error::Unsupported { path: path.to_owned(), what: "encoding", found, supported: "none" });
+    }
+    Ok(image)
 }
 
 fn malformed(path: &Path, what: &str, expected: &str, found: impl ToString) -> Error {
