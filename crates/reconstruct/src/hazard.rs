@@ -40,14 +40,14 @@ pub enum Hazard {
 }
 
 impl Hazard {
-    /// The number in files.
+    /// The number in files, the larger the worse; 0 is left for cells without a height.
     pub fn code(self) -> u8 {
         match self {
-            Self::Unknown => 0,
             Self::Safe => 1,
-            Self::Slope => 2,
+            Self::Unknown => 2,
             Self::Roughness => 3,
-            Self::Both => 4,
+            Self::Slope => 4,
+            Self::Both => 5,
         }
     }
 }

@@ -4,6 +4,7 @@
 //! baseline as its unit and says `metric: false`.
 
 pub mod altitude;
+pub mod dem;
 
 use crate::Error;
 use crate::prediction::Prediction;
