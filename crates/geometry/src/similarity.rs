@@ -5,11 +5,17 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use std::ops::Mul;
 
 /// A rotation, one positive scale and a translation: `x_in_to = scale · R x_in_from + t`.
-#[derive(Clone, Copy)]
 pub struct Sim3<To, From> {
     scale: f64,
     rigid: Rigid3<To, From>,
 }
+
+impl<To, From> Clone for Sim3<To, From> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<To, From> Copy for Sim3<To, From> {}
 
 impl<To, From> PartialEq for Sim3<To, From> {
     fn eq(&self, other: &Self) -> bool {

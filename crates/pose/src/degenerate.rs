@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 /// A result counts as chance above this expected number of equally good ones among random matches.
 const FALSE_ALARMS: f64 = 1e-3;
 /// Comparisons of unrelated points that estimate how often one agrees by chance.
-const MAX_COMPARISONS: usize = 6000;
+const MAX_COMPARISONS: usize = 4000;
 
 /// How often unrelated points agree: pairs of the same data, shifted against each other.
 ///

@@ -3,6 +3,7 @@
 //! Image points are on the plane `z = 1` of their camera (undistorted), so that nothing here knows a pixel.
 #![forbid(unsafe_code)]
 
+pub mod absolute;
 pub mod cheirality;
 pub mod consensus;
 pub mod decompose;
@@ -15,5 +16,6 @@ pub mod ransac;
 pub mod refine;
 pub mod relative;
 pub mod sampson;
+pub mod similarity;
 pub mod solvers;
 pub mod triangulate;

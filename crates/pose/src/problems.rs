@@ -1,10 +1,11 @@
 //! Random problems with their truth, which every solver is run through.
 
+use crate::absolute::Sighting;
 use crate::decompose::Motion;
 use crate::random::Random;
 use crate::relative::Match;
 use nalgebra::{Matrix3, Point2, Rotation3, Vector3};
-use selenograph_geometry::{CamA, CamB, Point3, Rigid3};
+use selenograph_geometry::{Cam, CamA, CamB, Enu, Point3, PredA, Rigid3, Sim3};
 
 /// The kinds of two-view scenes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -179,5 +180,78 @@ fn depth_of(kind: &SceneKind, direction: &Vector3<f64>, tilt: &Vector3<f64>, ran
             1.0 / tilt.dot(direction) + random.normal() * relief_parallax / 0.15
         }
         _ => random.between(1.0, 4.0),
+    }
+}
+
+/// Points that a camera sees, and its true pose.
+#[derive(Debug, Clone)]
+pub struct Resection {
+    /// The points and their images.
+    pub sightings: Vec<Sighting>,
+    /// The truth.
+    pub truth: Rigid3<Cam, Enu>,
+}
+
+impl Resection {
+    /// Points at 1 to 4 before a camera anywhere within 5 of the origin, with noise on the images and a share of unrelated images.
+    pub fn new(num: usize, noise: f64, outliers: f64, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let turn = rotation(&mut random, std::f64::consts::PI);
+        let truth = Rigid3::new(turn, Point3::from(direction(&mut random) * random.between(0.0, 5.0)));
+        let world_from_cam = truth.inverse();
+        let num_outliers = (outliers * num as f64).round() as usize;
+        let mut place =
+            || Point2::new(random.between(-HALF_FIELD, HALF_FIELD), random.between(-HALF_FIELD, HALF_FIELD));
+        let images: Vec<[Point2<f64>; 2]> = (0..num).map(|_| [place(), place()]).collect();
+        let sightings = images
+            .iter()
+            .enumerate()
+            .map(|(i, [image, other])| {
+                let depth_z = random.between(1.0, 4.0);
+                let world = world_from_cam.point(&Point3::new(image.x * depth_z, image.y * depth_z, depth_z));
+                let seen = if i < num_outliers { *other } else { *image };
+                let image = Point2::new(seen.x + noise * random.normal(), seen.y + noise * random.normal());
+                Sighting { world, image }
+            })
+            .collect();
+        Self { sightings, truth }
+    }
+}
+
+/// Two clouds that correspond point by point, and the true similarity.
+#[derive(Debug, Clone)]
+pub struct Clouds {
+    /// Points of the source.
+    pub from: Vec<Point3<f64>>,
+    /// Points of the target.
+    pub to: Vec<Point3<f64>>,
+    /// The truth.
+    pub truth: Sim3<Enu, PredA>,
+}
+
+impl Clouds {
+    /// A rough surface of unit size, scaled by 3 to 30, with normal noise in the target (units of the target) and a share of target points
+    /// displaced by up to the size of the scene.
+    pub fn new(num: usize, noise: f64, outliers: f64, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let scale = random.between(3.0, 30.0);
+        let turn = rotation(&mut random, std::f64::consts::PI);
+        let rigid = Rigid3::new(turn, Point3::from(direction(&mut random) * 100.0));
+        let plain = Sim3::from_rigid(rigid);
+        let truth = Sim3::new(scale, rigid).unwrap_or(plain);
+        let mut clouds = Self { from: Vec::with_capacity(num), to: Vec::with_capacity(num), truth };
+        for _ in 0..num {
+            let (x, y) = (random.between(-0.5, 0.5), random.between(-0.5, 0.5));
+            let p = Point3::new(x, y, 1.0 + 0.05 * random.normal());
+            let jump = if random.unit() < outliers {
+                direction(&mut random) * random.between(0.1, 1.0) * scale
+            } else {
+                Vector3::zeros()
+            };
+            let spread = Vector3::new(random.normal(), random.normal(), random.normal()) * noise;
+            clouds.from.push(p);
+            clouds.to.push(truth.point(&p) + jump + spread);
+        }
+        clouds
     }
 }

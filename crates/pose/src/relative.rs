@@ -11,6 +11,7 @@
 //! ```
 
 mod hypotheses;
+mod support;
 
 use crate::cheirality;
 use crate::consensus::{Counting, EssentialSearch, RotationSearch, fit_rotation};
@@ -24,6 +25,7 @@ use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3};
+use support::Support;
 
 /// One match, on the plane `z = 1` of each camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -167,6 +169,8 @@ const MIN_MATCHES: usize = 8;
 const MIN_ITERATIONS: usize = 20;
 /// The rotation needs few samples; views without it are most, and must not pay.
 const ROTATION_ITERATIONS: usize = 100;
+/// How often the supporting matches are chosen anew before the last refinement.
+const FINAL_SELECTIONS: usize = 2;
 /// Matches that vote on the signs of a motion.
 const VOTERS: usize = 200;
 
@@ -180,29 +184,30 @@ const VOTERS: usize = 200;
 /// LO-MSAC with the five-point solver, plane and parallax hypotheses, robust Sampson refinement; see the modules.
 pub fn estimate(matches: &[Match], options: &RelativeOptions) -> Result<RelativePose, CannotSay> {
     let problem = Problem::new(matches, options)?;
-    let chosen = problem.rotation();
+    let rotation = problem.rotation();
     let essential = problem.essential();
-    let refined = match (&essential, options.refinement) {
-        (None, _) => None,
-        (Some(found), Refinement::None) => Some(motions_of_essential(&found.model)[0]),
-        (Some(found), Refinement::Local) => {
-            Some(hypotheses::refined(&problem.pairs, &found.model, options.threshold))
+    let plane = essential.as_ref().and_then(|found| {
+        hypotheses::dominant_plane(&problem.pairs, &found.model, options.threshold, options.seed)
+    });
+    let motion =
+        essential.as_ref().map(|found| problem.refined(&found.model, rotation.as_ref(), plane.as_ref()));
+    let support =
+        motion.as_ref().map(|motion| Support::new(&problem.pairs, motion, plane.as_ref(), options.threshold));
+    let inliers = support.as_ref().map(|support| support.agreeing(&problem.pairs));
+    let num_inliers = inliers.as_ref().map_or(0, Pairs::len);
+    let chance = support.as_ref().map_or(1.0, |support| support.chance);
+    let supported = above_chance(num_inliers, problem.pairs.len(), 5, 10.0, chance);
+    if let Some(rotation) = rotation {
+        let motion = motion.as_ref().filter(|_| supported);
+        problem.refuse_without_parallax(motion, &rotation, chance)?;
+    }
+    match (motion, support, inliers) {
+        (Some(motion), Some(support), Some(inliers)) if supported => {
+            let iterations = essential.map_or(0, |found| found.iterations);
+            Ok(problem.answer(&motion, &support, &inliers, iterations))
         }
-        (Some(found), Refinement::Full) => Some(hypotheses::best(
-            &problem.pairs,
-            &found.model,
-            chosen.as_ref(),
-            options.threshold,
-            options.seed,
-        )),
-    };
-    let iterations = essential.map_or(0, |found| found.iterations);
-    let motion = refined.map(|motion| problem.facing(&motion));
-    problem.refuse(motion.as_ref(), chosen.as_ref())?;
-    let Some(motion) = motion else {
-        return Err(CannotSay::NoConsensus { inliers: 0, matches: matches.len() });
-    };
-    Ok(problem.answer(&motion, iterations))
+        _ => Err(CannotSay::NoConsensus { inliers: num_inliers, matches: matches.len() }),
+    }
 }
 
 /// The matches in random order, and what is asked of them.
@@ -282,53 +287,56 @@ impl<'a> Problem<'a> {
         cheirality::most_in_front(&motions_of_essential(&e), voters).0
     }
 
-    fn agrees(&self, motion: &Motion, e: &Matrix3<f64>, pair: &[f64; 4]) -> bool {
-        let a = nalgebra::Vector3::new(pair[0], pair[1], 1.0);
-        let b = nalgebra::Vector3::new(pair[2], pair[3], 1.0);
-        let threshold = self.options.threshold;
-        if sampson::distance(e, &a, &b).abs() >= threshold {
-            return false;
-        }
-        // A point at infinity falls behind by noise alone: it still agrees.
-        let at_infinity = || transfer_squared(&motion.rotation, pair) < 2.0 * threshold * threshold;
-        cheirality::in_front(motion, &a, &b) || at_infinity()
-    }
-
-    /// The degenerate cases.
-    fn refuse(&self, motion: Option<&Motion>, rotation: Option<&Matrix3<f64>>) -> Result<(), CannotSay> {
-        let n = self.pairs.len();
-        let count = |motion: &Motion| {
-            let e = motion.essential();
-            (0..n).filter(|&i| self.agrees(motion, &e, &self.pairs.at(i))).count()
-        };
-        let inliers = motion.map_or(0, count);
-        let chance = motion.map(|motion| {
-            let e = motion.essential();
-            chance_share(&self.pairs, |pair| self.agrees(motion, &e, pair))
-        });
-        let supported = chance.is_some_and(|chance| above_chance(inliers, n, 5, 10.0, chance));
-        if let Some(rotation) = rotation {
-            let limit = 2.0 * self.options.threshold * self.options.threshold;
-            let turned = (0..n).filter(|&i| transfer_squared(rotation, &self.pairs.at(i)) < limit).count();
-            let by_chance = chance_share(&self.pairs, |pair| transfer_squared(rotation, pair) < limit);
-            let residual = match (motion, supported) {
-                (Some(motion), true) => without_parallax(
-                    &self.pairs,
-                    motion,
-                    rotation,
-                    self.options.threshold,
-                    chance.unwrap_or(by_chance),
-                ),
-                _ => above_chance(turned, n, 2, 1.0, by_chance)
-                    .then(|| self.rotation_residual(rotation, limit)),
-            };
-            if let Some(residual) = residual {
-                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*rotation));
-                let rotation_deg = turn.angle().to_degrees();
-                return Err(CannotSay::NoParallax { rotation_deg, cam_b_from_cam_a: turn, residual });
+    /// The motion of the search's model, polished as far as the options ask.
+    fn refined(
+        &self,
+        found: &Matrix3<f64>,
+        rotation: Option<&Matrix3<f64>>,
+        plane: Option<&Matrix3<f64>>,
+    ) -> Motion {
+        let (pairs, threshold) = (&self.pairs, self.options.threshold);
+        match self.options.refinement {
+            Refinement::None => self.facing(&motions_of_essential(found)[0]),
+            Refinement::Local => self.facing(&hypotheses::refined(pairs, found, threshold)),
+            Refinement::Full => {
+                let mut motion = self.facing(&hypotheses::best(pairs, found, rotation, plane, threshold));
+                for _ in 0..FINAL_SELECTIONS {
+                    let inliers = Support::new(pairs, &motion, plane, threshold).agreeing(pairs);
+                    if inliers.len() < MIN_MATCHES {
+                        break;
+                    }
+                    motion = hypotheses::last_rounds(&inliers, motion, threshold);
+                }
+                self.facing(&motion)
             }
         }
-        if supported { Ok(()) } else { Err(CannotSay::NoConsensus { inliers, matches: self.matches.len() }) }
+    }
+
+    /// Refuses where a rotation explains the matches as well as the motion (or where only a rotation is above chance).
+    fn refuse_without_parallax(
+        &self,
+        motion: Option<&Motion>,
+        rotation: &Matrix3<f64>,
+        chance: f64,
+    ) -> Result<(), CannotSay> {
+        let n = self.pairs.len();
+        let limit = 2.0 * self.options.threshold * self.options.threshold;
+        let residual = match motion {
+            Some(motion) => without_parallax(&self.pairs, motion, rotation, self.options.threshold, chance),
+            None => {
+                let turned =
+                    (0..n).filter(|&i| transfer_squared(rotation, &self.pairs.at(i)) < limit).count();
+                let by_chance = chance_share(&self.pairs, |pair| transfer_squared(rotation, pair) < limit);
+                above_chance(turned, n, 2, 1.0, by_chance).then(|| self.rotation_residual(rotation, limit))
+            }
+        };
+        let Some(residual) = residual else { return Ok(()) };
+        let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*rotation));
+        Err(CannotSay::NoParallax {
+            rotation_deg: turn.angle().to_degrees(),
+            cam_b_from_cam_a: turn,
+            residual,
+        })
     }
 
     fn rotation_residual(&self, rotation: &Matrix3<f64>, limit: f64) -> f64 {
@@ -339,22 +347,23 @@ impl<'a> Problem<'a> {
         (0.25 * sum / f64::max(count, 1.0)).sqrt()
     }
 
-    fn answer(&self, motion: &Motion, iterations: usize) -> RelativePose {
+    fn answer(
+        &self,
+        motion: &Motion,
+        support: &Support<'_>,
+        inliers: &Pairs,
+        iterations: usize,
+    ) -> RelativePose {
         let threshold = self.options.threshold;
-        let e = motion.essential();
-        let inliers: Vec<bool> =
-            self.matches.iter().map(|m| self.agrees(motion, &e, &[m.a.x, m.a.y, m.b.x, m.b.y])).collect();
         let rotation = Rotation3::from_matrix_unchecked(motion.rotation);
-        let cam_b_from_cam_a = Rigid3::new(rotation, Point3::from(motion.translation.normalize()));
-        let scale = hypotheses::final_scale(&self.pairs, &e, threshold);
-        let spread = uncertainty(&self.pairs, motion, scale * scale, threshold * threshold);
-        let plane_share = hypotheses::plane_share(&self.pairs, &e, threshold, self.options.seed);
+        let scale = hypotheses::final_scale(inliers, &motion.essential(), threshold);
+        let spread = uncertainty(inliers, motion, scale * scale, threshold * threshold);
         RelativePose {
-            cam_b_from_cam_a,
-            inliers,
+            cam_b_from_cam_a: Rigid3::new(rotation, Point3::from(motion.translation.normalize())),
+            inliers: self.matches.iter().map(|m| support.agrees(&[m.a.x, m.a.y, m.b.x, m.b.y])).collect(),
             residual_rms: spread.rms,
             covariance: spread.covariance,
-            plane_share,
+            plane_share: support.plane_share,
             iterations,
         }
     }

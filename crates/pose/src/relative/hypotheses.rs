@@ -6,7 +6,6 @@ use crate::points::Pairs;
 use crate::ransac::{Estimator, Local, Score, Search, search};
 use crate::refine::{Loss, refine, robust_sigma};
 use crate::sampson;
-use crate::solvers::homography_4pt::transfer_squared;
 use nalgebra::{Matrix3, SymmetricEigen};
 
 /// Matches that a start is judged by; all take part in the last refinement.
@@ -28,7 +27,7 @@ pub fn final_scale(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64) -> f64 {
     (CAUCHY * robust_sigma(pairs, e, threshold)).clamp(0.01 * threshold, threshold)
 }
 
-/// Refines over all matches: first with the threshold as the scale, then with the scale of the inliers' own spread.
+/// Refines from one start: first with the threshold as the scale, then with the scale of the inliers' own spread.
 pub fn refined(pairs: &Pairs, start: &Matrix3<f64>, threshold: f64) -> Motion {
     let limit = threshold * threshold;
     let [motion, ..] = motions_of_essential(start);
@@ -36,7 +35,8 @@ pub fn refined(pairs: &Pairs, start: &Matrix3<f64>, threshold: f64) -> Motion {
     last_rounds(pairs, refine(pairs, &motion, wide, FINAL_STEPS).motion, threshold)
 }
 
-fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64) -> Motion {
+/// The last refinement, over the matches within the threshold.
+pub fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64) -> Motion {
     let mut motion = motion;
     for _ in 0..FINAL_ROUNDS {
         let scale = final_scale(pairs, &motion.essential(), threshold);
@@ -51,18 +51,18 @@ fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64) -> Motion {
 }
 
 /// Refines from the search's model, from the motions of the dominant plane and from the best rotation, and keeps the best by the truncated cost
-/// over all matches.
+/// over all matches. [`last_rounds`] is still to come.
 pub fn best(
     pairs: &Pairs,
     found: &Matrix3<f64>,
     rotation: Option<&Matrix3<f64>>,
+    plane: Option<&Matrix3<f64>>,
     threshold: f64,
-    seed: u64,
 ) -> Motion {
     let limit = threshold * threshold;
     let mut starts = vec![motions_of_essential(found)[0]];
-    if let Some(plane) = dominant_plane(pairs, found, threshold, seed) {
-        starts.extend(motions_of_homography(&plane).into_iter().flatten().map(|m| m.motion));
+    if let Some(plane) = plane {
+        starts.extend(motions_of_homography(plane).into_iter().flatten().map(|m| m.motion));
     }
     starts.extend(rotation.and_then(|rotation| with_best_direction(pairs, rotation, found, threshold)));
     let trial = Pairs::new((0..pairs.len().min(MAX_TRIAL)).map(|i| pairs.at(i)));
@@ -78,7 +78,7 @@ pub fn best(
             best = (cost, motion);
         }
     }
-    last_rounds(pairs, best.1, threshold)
+    best.1
 }
 
 /// `Σ min(r², limit)` in f64.
@@ -112,9 +112,8 @@ fn inliers(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64) -> Pairs {
 }
 
 /// The homography that explains most of the inliers of an essential matrix.
-fn dominant_plane(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64, seed: u64) -> Option<Matrix3<f64>> {
-    let near = inliers(pairs, e, threshold);
-    homography_of(&near, threshold, seed)
+pub fn dominant_plane(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64, seed: u64) -> Option<Matrix3<f64>> {
+    homography_of(&inliers(pairs, e, threshold), threshold, seed)
 }
 
 fn homography_of(near: &Pairs, threshold: f64, seed: u64) -> Option<Matrix3<f64>> {
@@ -131,13 +130,4 @@ fn homography_of(near: &Pairs, threshold: f64, seed: u64) -> Option<Matrix3<f64>
     let fitted = estimator.fit(&found.model, usize::MAX)?;
     let better = estimator.score(&fitted, &Score::WORST)?.cost < found.score.cost;
     Some(if better { fitted } else { found.model })
-}
-
-/// Share of the inliers of an essential matrix that one homography explains within the same threshold.
-pub fn plane_share(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64, seed: u64) -> f64 {
-    let near = inliers(pairs, e, threshold);
-    let Some(h) = homography_of(&near, threshold, seed) else { return 0.0 };
-    let limit = 2.0 * threshold * threshold;
-    let on_plane = (0..near.len()).filter(|&i| transfer_squared(&h, &near.at(i)) < limit).count();
-    on_plane as f64 / near.len() as f64
 }

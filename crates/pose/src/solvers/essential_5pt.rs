@@ -165,8 +165,8 @@ fn constraints(basis: &[Matrix3<f64>; 4]) -> [Cubic; 10] {
     let mut gram = [[[0.0; 10]; 3]; 3];
     for i in 0..3 {
         for j in i..3 {
-            for k in 0..3 {
-                add_product(&mut gram[i][j], &e[i][k], &e[j][k], 1.0);
+            for (left, right) in e[i].iter().zip(&e[j]) {
+                add_product(&mut gram[i][j], left, right, 1.0);
             }
             gram[j][i] = gram[i][j];
         }
