@@ -63,7 +63,7 @@ fn five_points_give_all_motions_of_poselib() {
         }
     }
     println!("{near} of {all}");
-    assert!(f64::from(near) >= MINIMAL_SHARE * f64::from(all), "{near} of {all}");
+    assert!(near as f64 >= MINIMAL_SHARE * f64::from(all), "{near} of {all}");
 }
 
 #[test]
