@@ -15,8 +15,9 @@ const MAX_REFITS: usize = 10;
 const CHUNK: usize = 16_384;
 /// Second over first singular value below which points lie on a line.
 const COLLINEAR: f64 = 1e-12;
-/// Residuals below this share of the truth's spread are rounding, which nothing is trimmed by.
-const ROUNDING_SHARE: f64 = 1e-12;
+/// Residuals below this share of the largest distance are the rounding of a prediction's f32 (6e-8 per coordinate), which
+/// nothing is trimmed by.
+const ROUNDING_SHARE: f64 = 1e-6;
 
 /// A similarity with how well it fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +55,8 @@ pub fn robust(predicted: &[Point3<f64>], truth: &[Point3<f64>]) -> Result<Alignm
         return Err(NoAlignment::TooFew { found: predicted.len() });
     }
     let mut fit = umeyama(predicted, truth, None)?;
-    let rounding = ROUNDING_SHARE * spread(truth);
+    let farthest = truth.iter().map(|p| p.coords.norm_squared()).fold(0.0, f64::max).sqrt();
+    let rounding = ROUNDING_SHARE * farthest;
     let mut residuals = residuals_m(&fit, predicted, truth);
     let mut num_kept = predicted.len();
     let mut median = median_of(&residuals);
@@ -167,12 +169,6 @@ fn median_of(values: &[f64]) -> f64 {
     let mut values = values.to_vec();
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Largest distance from the mean along an axis.
-fn spread(points: &[Point3<f64>]) -> f64 {
-    let mean = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / points.len() as f64;
-    points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max)
 }
 
 /// The least-squares similarity of all correspondences, or of those whose residual is at most a cut.
