@@ -6,6 +6,7 @@ pub mod aligned;
 pub mod alignment;
 pub mod calibration;
 pub mod cloud;
+pub mod dataset_source;
 pub mod depth_error;
 pub mod error;
 pub mod hazard;

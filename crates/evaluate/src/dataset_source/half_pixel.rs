@@ -1,0 +1,70 @@
+//! Are principal points where the files put them? Found from the truth itself, mended, and told.
+
+use super::load::{Geometry, read_geometry};
+use super::{Entry, spread};
+use selenograph_dataset::check::numbers::moved;
+use selenograph_dataset::check::principal_point::{self, PrincipalPoint, Verdict};
+use selenograph_dataset::check::reprojection::View;
+use selenograph_geometry::{Camera, PixelConvention, pixel};
+
+/// Pairs that are asked; the fit of a few already tells half a pixel from none by tens of sigmas.
+const NUM_ASKED: usize = 8;
+/// Every this many pixels across and down are warped.
+const STEP: usize = 4;
+
+/// Where the principal points are measured from, and what is done about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PixelFault {
+    /// What the triplets' matrices are read as.
+    pub k_convention: PixelConvention,
+    /// Half pixels that are added to every principal point after reading: −1, 0 or 1.
+    pub shift_half_pixels: i32,
+    /// What has to be told, if anything.
+    pub told: Option<String>,
+}
+
+impl PixelFault {
+    /// The camera as it should have been told.
+    pub fn mended(&self, camera: &Camera) -> Camera {
+        let shift = f64::from(self.shift_half_pixels) * pixel::HALF_PIXEL;
+        moved(camera, shift, shift)
+    }
+}
+
+/// Asks some pairs; what the user said of triplets (`told`) holds, and is contradicted aloud.
+pub fn find(entries: &[Entry], told: Option<PixelConvention>) -> PixelFault {
+    let k_convention = told.unwrap_or(PixelConvention::Corner);
+    let mut fault = PixelFault { k_convention, shift_half_pixels: 0, told: None };
+    let evidence: Vec<_> = spread(entries.iter().collect(), NUM_ASKED.min(entries.len()))
+        .into_iter()
+        .filter_map(|entry| read_geometry(entry, &fault).ok())
+        .filter_map(|geometry: Geometry| {
+            let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| View { camera, world_from_cam, depth_z });
+            principal_point::evidence(&a, &b, STEP)
+        })
+        .collect();
+    if let Some(point) = principal_point::combine(&evidence) {
+        decide(&point, told.is_some(), &mut fault);
+    }
+    fault
+}
+
+fn decide(point: &PrincipalPoint, is_told: bool, fault: &mut PixelFault) {
+    let half_pixels = match point.verdict {
+        Verdict::HalfPixelMore => 1,
+        Verdict::HalfPixelLess => -1,
+        Verdict::Other => {
+            fault.told = Some(format!(
+                "principal points are off, and not by half a pixel, so nothing is corrected: {point}"
+            ));
+            return;
+        }
+        Verdict::AsTold | Verdict::CannotTell => return,
+    };
+    if is_told {
+        fault.told = Some(format!("principal points are not where --k-convention puts them: {point}"));
+    } else {
+        fault.shift_half_pixels = half_pixels;
+        fault.told = Some(format!("principal points corrected by half a pixel: they are {point}"));
+    }
+}

@@ -1,0 +1,140 @@
+//! The methods that can be evaluated: the one place where a further one is added.
+
+mod plane;
+mod truth;
+
+use crate::Error;
+use crate::pair_metrics::Promise;
+use crate::truth::TruthPair;
+use selenograph_geometry::{CamA, CamB, Rigid3};
+use selenograph_pose::relative::CannotSay;
+use selenograph_reconstruct::{Prediction, View};
+use serde::{Deserialize, Serialize};
+
+/// A method. To add one: a variant here, its words in [`Method::words`], its work in [`Method::answer`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The truth itself: what a perfect answer scores.
+    Truth,
+    /// A plane fitted to the truth: the lower anchor.
+    Plane,
+}
+
+/// What a method is called and what it does.
+struct Words {
+    name: &'static str,
+    promise: Promise,
+    settings: &'static str,
+}
+
+/// What a method says of an item.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// On the full frames.
+    pub prediction: Prediction,
+    /// The relative pose by the reference protocol, for methods that estimate one.
+    pub reference_pose: Option<Result<Rigid3<CamB, CamA>, CannotSay>>,
+}
+
+impl Method {
+    /// All of them, in the order of the tables.
+    pub const ALL: [Self; 2] = [Self::Truth, Self::Plane];
+
+    fn words(self) -> Words {
+        match self {
+            Self::Truth => Words {
+                name: "truth",
+                promise: Promise::MetricPoints,
+                settings: "the stored truth as the answer: perfect where the definition allows it, the floor where it does not",
+            },
+            Self::Plane => Words {
+                name: "plane",
+                promise: Promise::MetricPoints,
+                settings: "the true pose, and a plane fitted to the true points of both views in place of the terrain: the lower anchor",
+            },
+        }
+    }
+
+    /// The name on the command line and in files.
+    pub fn as_str(self) -> &'static str {
+        self.words().name
+    }
+
+    /// What it does, with which settings, in one line.
+    pub fn settings(self) -> &'static str {
+        self.words().settings
+    }
+
+    /// What it promises.
+    pub fn promise(self) -> Promise {
+        self.words().promise
+    }
+
+    /// Whether it looks at the pictures; if not, its answer is the same under every light.
+    pub fn looks_at_pictures(self) -> bool {
+        !matches!(self, Self::Truth | Self::Plane)
+    }
+
+    /// From its name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownMethod`], with the nearest name.
+    pub fn from_name(name: &str) -> Result<Self, Error> {
+        let typed = name.trim().to_ascii_lowercase();
+        if let Some(method) = Self::ALL.into_iter().find(|method| method.as_str() == typed) {
+            return Ok(method);
+        }
+        let known = Self::ALL.map(Self::as_str);
+        let nearest = known
+            .into_iter()
+            .map(|other| (edit_distance(&typed, other), other))
+            .min()
+            .filter(|(distance, other)| *distance <= 2 && *distance < other.len());
+        Err(Error::UnknownMethod {
+            name: name.to_owned(),
+            known: known.join(", "),
+            nearest: nearest.map(|(_, other)| other),
+        })
+    }
+
+    /// What it says of two views. Only the anchors look at the truth.
+    pub fn answer(self, _views: &[View; 2], truth: &TruthPair) -> Answer {
+        match self {
+            Self::Truth => Answer { prediction: truth::prediction(truth), reference_pose: None },
+            Self::Plane => Answer { prediction: plane::prediction(truth), reference_pose: None },
+        }
+    }
+}
+
+/// Insertions, deletions and replacements that turn one word into another (Levenshtein).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, to) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(from != *to);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_and_near_misses_told() {
+        for method in Method::ALL {
+            assert_eq!(Method::from_name(method.as_str()).unwrap(), method);
+        }
+        let hint = |name: &str| Method::from_name(name).unwrap_err().hint().unwrap();
+        assert_eq!(hint("plain"), "did you mean `plane`?");
+        assert!(hint("colmap").contains("--help"));
+        assert_eq!((edit_distance("kitten", "sitting"), edit_distance("", "abc")), (3, 3));
+    }
+}

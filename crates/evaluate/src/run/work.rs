@@ -1,0 +1,102 @@
+//! One pair: read once, its truth prepared once, every method and light measured.
+
+use super::{Done, Line, PairResult, Settings};
+use crate::Error;
+use crate::dataset_source::load::ItemRecord;
+use crate::dataset_source::{Entry, LoadedPair, Source};
+use crate::method::{Answer, Method};
+use crate::pair_metrics::{PairMetrics, Promise, Reference};
+use selenograph_reconstruct::{Prediction, View};
+use std::cell::OnceCell;
+
+/// Evaluates what is missing of a pair; also returns how many items it tried.
+pub fn evaluate_pair(
+    entry: &Entry,
+    source: &Source,
+    settings: &Settings,
+    done: &[Done],
+    clock: &(dyn Fn() -> f64 + Sync),
+) -> (PairResult, usize) {
+    let is_missing = |method_idx: usize, [a, b]: [u64; 2]| !done[method_idx].contains(&(entry.name.clone(), a, b));
+    let missing: Vec<Vec<[u64; 2]>> = (0..settings.methods.len())
+        .map(|idx| entry.lights.iter().copied().filter(|lights| is_missing(idx, *lights)).collect())
+        .collect();
+    let num_missing = missing.iter().map(Vec::len).sum();
+    let mut result = PairResult { skipped: entry.left_out.clone(), ..PairResult::default() };
+    if num_missing > 0 {
+        let mut measured = || -> Result<(), Error> {
+            let pair = LoadedPair::read(entry, &source.pixels)?;
+            result.skipped.extend(pair.left_out.iter().cloned());
+            measure_pair(&pair, settings, &missing, clock, &mut result)
+        };
+        if let Err(error) = measured() {
+            // What one method has measured of a pair is not kept without the others: they are compared on the same items.
+            result.lines.clear();
+            result.skipped.push(format!("{}: {error}", entry.name));
+        }
+    }
+    result.lines.resize(settings.methods.len(), Vec::new());
+    (result, num_missing)
+}
+
+/// The truth made ready, in full and in the reference protocol's rows.
+struct References {
+    full: Reference,
+    rows: Option<Reference>,
+}
+
+fn measure_pair(
+    pair: &LoadedPair,
+    settings: &Settings,
+    missing: &[Vec<[u64; 2]>],
+    clock: &(dyn Fn() -> f64 + Sync),
+    result: &mut PairResult,
+) -> Result<(), Error> {
+    let truth = pair.geometry.truth();
+    let references = References {
+        full: Reference::new(&truth, &settings.metrics)?,
+        rows: settings.reference_frame.as_ref().map(|rows| Reference::new(&truth, rows)).transpose()?,
+    };
+    for (&method, lights) in settings.methods.iter().zip(missing) {
+        let start = clock();
+        // An anchor says the same under every light.
+        let same: OnceCell<Line> = OnceCell::new();
+        let mut lines = Vec::new();
+        for item in pair.items(lights) {
+            let Some(views) = pair.views([item.light_a, item.light_b]) else { continue };
+            let line = match same.get() {
+                Some(line) => Line { item, ..line.clone() },
+                None => measure_item(method, item, &views, &references)?,
+            };
+            if !method.looks_at_pictures() {
+                let _ = same.set(line.clone());
+            }
+            lines.push(line);
+        }
+        result.lines.push(lines);
+        result.seconds.push(clock() - start);
+    }
+    Ok(())
+}
+
+fn measure_item(
+    method: Method,
+    item: ItemRecord,
+    views: &[View; 2],
+    references: &References,
+) -> Result<Line, Error> {
+    let answer = method.answer(views, references.full.truth());
+    let metrics = references.full.measure(&answer.prediction, method.promise())?;
+    let in_rows = references.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;
+    let cannot_say = answer.prediction.cam_b_from_cam_a.as_ref().err().map(ToString::to_string);
+    Ok(Line { method: method.as_str().into(), item, cannot_say, metrics, reference_frame: in_rows })
+}
+
+/// The reference protocol: the pose estimated from the central rows with its settings, the points inside them.
+fn measure_rows(rows: &Reference, answer: &Answer, promise: Promise) -> Result<PairMetrics, Error> {
+    let prediction = match &answer.reference_pose {
+        Some(pose) => Prediction { cam_b_from_cam_a: pose.clone(), ..answer.prediction.clone() },
+        None => answer.prediction.clone(),
+    };
+    rows.measure(&prediction, promise)
+}
