@@ -66,6 +66,9 @@ pub enum Error {
     /// A picture or array that cannot be read or written.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),
+    /// A page that cannot be put together.
+    #[error(transparent)]
+    Report(#[from] selenograph_report::Error),
     /// A frame or camera that does not exist.
     #[error(transparent)]
     Geometry(#[from] selenograph_geometry::Error),

@@ -4,18 +4,24 @@
 pub mod agreement;
 pub mod aligned;
 pub mod alignment;
+pub mod bootstrap;
 pub mod calibration;
 pub mod cloud;
 pub mod dataset_source;
 pub mod depth_error;
 pub mod error;
 pub mod hazard;
+pub mod method;
 pub mod pair_metrics;
+pub mod paper;
 pub mod point_error;
 pub mod pose_error;
 pub mod profile;
+pub mod run;
 pub mod slope;
 pub mod ssim;
+pub mod summary;
+pub mod table;
 pub mod truth;
 
 pub use error::Error;
