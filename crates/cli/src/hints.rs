@@ -21,6 +21,9 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         if let Some(error) = cause.downcast_ref::<selenograph_dataset::Error>() {
             return dataset(error);
         }
+        if let Some(error) = cause.downcast_ref::<selenograph_evaluate::Error>() {
+            return evaluate(error);
+        }
         cause.downcast_ref::<selenograph_geometry::Error>().and_then(geometry)
     });
     from_cause.or_else(|| io(io_kind(error)?))
@@ -99,6 +102,17 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
         Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
         _ => None,
+    }
+}
+
+fn evaluate(error: &selenograph_evaluate::Error) -> Option<String> {
+    use selenograph_evaluate::Error;
+    match error {
+        Error::Dataset(error) => dataset(error),
+        Error::Raster(error) => raster(error),
+        Error::Geometry(error) => geometry(error),
+        Error::Io { source, .. } => io(source.kind()),
+        _ => error.hint(),
     }
 }
 

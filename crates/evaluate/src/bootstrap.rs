@@ -40,9 +40,8 @@ pub struct Estimate {
 pub fn estimate(groups: &[Vec<f64>], statistic: Statistic) -> Option<Estimate> {
     let groups: Vec<&Vec<f64>> = groups.iter().filter(|group| !group.is_empty()).collect();
     let value = of_groups(groups.iter().copied(), statistic)?;
-    let interval = (groups.len() > 1)
-        .then(|| statistics::quantiles(replicates(&groups, statistic), ENDS))
-        .flatten();
+    let interval =
+        (groups.len() > 1).then(|| statistics::quantiles(replicates(&groups, statistic), ENDS)).flatten();
     Some(Estimate {
         value,
         interval,

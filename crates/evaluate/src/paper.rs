@@ -19,48 +19,72 @@ pub struct Published {
 /// # Source
 /// StereoLunar (ICCV 2025), table 3.
 pub const TERRAIN: [Published; 6] = [
-    published("nadir", "paper: MASt3R", &[
-        ("Chamfer", 236.0),
-        ("slope corr.", 0.21),
-        ("SSIM", 0.31),
-        ("profile MAE", 218.5),
-        ("profile corr.", 0.76),
-    ]),
-    published("nadir", "paper: fine-tuned", &[
-        ("Chamfer", 100.0),
-        ("slope corr.", 0.80),
-        ("SSIM", 0.78),
-        ("profile MAE", 46.8),
-        ("profile corr.", 0.97),
-    ]),
-    published("oblique", "paper: MASt3R", &[
-        ("Chamfer", 322.0),
-        ("slope corr.", 0.39),
-        ("SSIM", 0.51),
-        ("profile MAE", 197.8),
-        ("profile corr.", 0.88),
-    ]),
-    published("oblique", "paper: fine-tuned", &[
-        ("Chamfer", 144.0),
-        ("slope corr.", 0.82),
-        ("SSIM", 0.83),
-        ("profile MAE", 57.7),
-        ("profile corr.", 0.99),
-    ]),
-    published("dynamic", "paper: MASt3R", &[
-        ("Chamfer", 279.0),
-        ("slope corr.", 0.09),
-        ("SSIM", 0.24),
-        ("profile MAE", 229.4),
-        ("profile corr.", 0.63),
-    ]),
-    published("dynamic", "paper: fine-tuned", &[
-        ("Chamfer", 111.0),
-        ("slope corr.", 0.76),
-        ("SSIM", 0.76),
-        ("profile MAE", 57.8),
-        ("profile corr.", 0.95),
-    ]),
+    published(
+        "nadir",
+        "paper: MASt3R",
+        &[
+            ("Chamfer", 236.0),
+            ("slope corr.", 0.21),
+            ("SSIM", 0.31),
+            ("profile MAE", 218.5),
+            ("profile corr.", 0.76),
+        ],
+    ),
+    published(
+        "nadir",
+        "paper: fine-tuned",
+        &[
+            ("Chamfer", 100.0),
+            ("slope corr.", 0.80),
+            ("SSIM", 0.78),
+            ("profile MAE", 46.8),
+            ("profile corr.", 0.97),
+        ],
+    ),
+    published(
+        "oblique",
+        "paper: MASt3R",
+        &[
+            ("Chamfer", 322.0),
+            ("slope corr.", 0.39),
+            ("SSIM", 0.51),
+            ("profile MAE", 197.8),
+            ("profile corr.", 0.88),
+        ],
+    ),
+    published(
+        "oblique",
+        "paper: fine-tuned",
+        &[
+            ("Chamfer", 144.0),
+            ("slope corr.", 0.82),
+            ("SSIM", 0.83),
+            ("profile MAE", 57.7),
+            ("profile corr.", 0.99),
+        ],
+    ),
+    published(
+        "dynamic",
+        "paper: MASt3R",
+        &[
+            ("Chamfer", 279.0),
+            ("slope corr.", 0.09),
+            ("SSIM", 0.24),
+            ("profile MAE", 229.4),
+            ("profile corr.", 0.63),
+        ],
+    ),
+    published(
+        "dynamic",
+        "paper: fine-tuned",
+        &[
+            ("Chamfer", 111.0),
+            ("slope corr.", 0.76),
+            ("SSIM", 0.76),
+            ("profile MAE", 57.8),
+            ("profile corr.", 0.95),
+        ],
+    ),
 ];
 
 const fn published(

@@ -4,6 +4,7 @@ pub mod about;
 pub mod campaign;
 pub mod data;
 pub mod dem;
+pub mod evaluate;
 pub mod render;
 
 use clap::{Args, Parser, Subcommand};
@@ -81,6 +82,11 @@ pub enum Command {
     /// Datasets: what is wrong with them, pictures of them, splits, the paper's triplets in and out
     #[command(subcommand)]
     Data(data::DataCommand),
+    /// Methods against the truth of a dataset: the paper's tables, floors, plots, worst pairs; run it again to go on
+    #[command(
+        after_help = "Example:\n  selenograph evaluate out/dataset --method orb --method sift --method stereo --out evaluation"
+    )]
+    Evaluate(evaluate::Evaluate),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

@@ -14,6 +14,7 @@ mod dem_import;
 mod dem_info;
 mod dem_synth;
 mod demo;
+mod evaluate;
 mod generate;
 mod plan;
 mod planning;
@@ -59,6 +60,7 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Data(DataCommand::Split(args)) => data_split::run(args, ui),
         Command::Data(DataCommand::Import(args)) => data_import::run(args, ui),
         Command::Data(DataCommand::Export(args)) => data_export::run(args, ui),
+        Command::Evaluate(args) => evaluate::run(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),

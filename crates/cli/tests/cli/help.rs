@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 16] = [
+const COMMANDS: [&str; 17] = [
     "demo",
     "dem info",
     "dem import",
@@ -17,6 +17,7 @@ const COMMANDS: [&str; 16] = [
     "data split",
     "data import",
     "data export",
+    "evaluate",
     "presets",
     "config show",
     "completions",

@@ -39,7 +39,11 @@ pub fn find(entries: &[Entry], told: Option<PixelConvention>) -> PixelFault {
         .into_iter()
         .filter_map(|entry| read_geometry(entry, &fault).ok())
         .filter_map(|geometry: Geometry| {
-            let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| View { camera, world_from_cam, depth_z });
+            let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| View {
+                camera,
+                world_from_cam,
+                depth_z,
+            });
             principal_point::evidence(&a, &b, STEP)
         })
         .collect();

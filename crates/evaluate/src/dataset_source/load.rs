@@ -170,8 +170,10 @@ impl LoadedPair {
         lights
             .iter()
             .map(|&[light_a, light_b]| {
-                let [sun_a_deg, sun_b_deg] = [light_a, light_b].map(|light| self.suns_deg.get(&light).copied());
-                let angle_deg = sun_a_deg.zip(sun_b_deg).map(|(a, b)| direction(a).angle(&direction(b)).to_degrees());
+                let [sun_a_deg, sun_b_deg] =
+                    [light_a, light_b].map(|light| self.suns_deg.get(&light).copied());
+                let angle_deg =
+                    sun_a_deg.zip(sun_b_deg).map(|(a, b)| direction(a).angle(&direction(b)).to_degrees());
                 ItemRecord {
                     light_a,
                     light_b,
@@ -186,8 +188,11 @@ impl LoadedPair {
 
     fn pair_item(&self) -> ItemRecord {
         let geometry = &self.geometry;
-        let [a, b] = geometry
-            .each_view(|camera, world_from_cam, depth_z| WarpView { camera, world_from_cam, depth_z });
+        let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| WarpView {
+            camera,
+            world_from_cam,
+            depth_z,
+        });
         let warped = warp(&a, &b, OVERLAP_STEP);
         let seen = warped.relative_errors.iter().filter(|error| error.abs() < OUTLIER).count();
         let along = |side: usize| (OVERLAP_STEP / 2..side).step_by(OVERLAP_STEP).count();

@@ -199,7 +199,10 @@ fn add_triplets(root: &Path, scene: &Path, pairs: Vec<TripletPair>, found: &mut 
         found.entries.push(Entry {
             trajectory: trajectory_of(scene),
             lights: whole.iter().map(|(light, _)| [**light; 2]).collect(),
-            left_out: lacking.iter().map(|(light, _)| format!("{name} light {light}: a picture is missing")).collect(),
+            left_out: lacking
+                .iter()
+                .map(|(light, _)| format!("{name} light {light}: a picture is missing"))
+                .collect(),
             name,
             place: Place::Triplets(scene.to_owned(), pair),
         });

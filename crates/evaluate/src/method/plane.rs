@@ -16,8 +16,7 @@ struct Plane {
 /// The plane fitted to the true points of both views, seen through both cameras.
 pub fn prediction(truth: &TruthPair) -> Prediction {
     let cam_b_from_cam_a = truth.cam_b_from_cam_a();
-    let poses: [Rigid3<CamA, Cam>; 2] =
-        [Rigid3::identity(), cam_b_from_cam_a.inverse().relabel()];
+    let poses: [Rigid3<CamA, Cam>; 2] = [Rigid3::identity(), cam_b_from_cam_a.inverse().relabel()];
     let clouds = [0, 1].map(|k| {
         let points = truth.views[k].points_in_cam();
         let carried = points.data.iter().filter(|p| p.coords.iter().all(|x| x.is_finite()));
@@ -33,7 +32,11 @@ pub fn prediction(truth: &TruthPair) -> Prediction {
             let ray_in_a = pose.vector(ray);
             let z = (plane.offset - plane.normal.dot(&origin.coords)) / plane.normal.dot(&ray_in_a);
             // A plane behind the camera is no answer.
-            if z > 0.0 && z.is_finite() { Point3::from(ray * z) } else { Point3::from(Vector3::repeat(f64::NAN)) }
+            if z > 0.0 && z.is_finite() {
+                Point3::from(ray * z)
+            } else {
+                Point3::from(Vector3::repeat(f64::NAN))
+            }
         });
         known_everywhere(&on_plane, pose)
     });

@@ -116,7 +116,13 @@ pub(crate) mod tests {
     use super::*;
 
     /// A line of a pair, with errors of the pose and of the points.
-    pub fn line(method: &str, pair: &str, light: u64, pose_error_deg: Option<f64>, point_error_rel: f64) -> Line {
+    pub fn line(
+        method: &str,
+        pair: &str,
+        light: u64,
+        pose_error_deg: Option<f64>,
+        point_error_rel: f64,
+    ) -> Line {
         let mut metrics = PairMetrics { pose_failed: pose_error_deg.is_none(), ..PairMetrics::default() };
         metrics.numbers.rra_deg = pose_error_deg;
         metrics.numbers.rta_deg = pose_error_deg;

@@ -107,7 +107,7 @@ pub fn checksum(settings: &Settings) -> Result<String, Error> {
         expected: "settings that can be written".into(),
         found: error.to_string(),
     })?;
-    let text = format!("selenograph evaluation {SCHEMA} {text}");
+    let text = format!("selenograph evaluation {} {SCHEMA} {text}", env!("CARGO_PKG_VERSION"));
     Ok(blake3::hash(text.as_bytes()).to_hex().to_string())
 }
 
@@ -115,7 +115,12 @@ pub fn checksum(settings: &Settings) -> Result<String, Error> {
 ///
 /// # Errors
 /// [`Error::OtherEvaluation`] if it holds anything else, [`Error::Io`] if it cannot be made.
-pub fn take_folder(out: &Path, settings: &Settings, source: &Source, existing: Existing) -> Result<(), Error> {
+pub fn take_folder(
+    out: &Path,
+    settings: &Settings,
+    source: &Source,
+    existing: Existing,
+) -> Result<(), Error> {
     let occupied = match std::fs::read_dir(out) {
         Ok(mut entries) => entries.next().is_some(),
         Err(_) => out.symlink_metadata().is_ok(),
@@ -133,7 +138,9 @@ pub fn take_folder(out: &Path, settings: &Settings, source: &Source, existing: E
                     return Err(other("an evaluation with other methods or settings"));
                 }
                 if found.dataset_blake3.as_deref() != Some(&source.fingerprint) {
-                    return Err(other("the evaluation of another dataset (or of this one before it changed)"));
+                    return Err(other(
+                        "the evaluation of another dataset (or of this one before it changed)",
+                    ));
                 }
             }
         }
@@ -172,7 +179,11 @@ pub fn write(
         program: "selenograph",
         version: env!("CARGO_PKG_VERSION"),
         started,
-        evaluated: source.root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+        evaluated: source
+            .root
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned())
+            .unwrap_or_default(),
         settings_blake3: checksum(settings)?,
         dataset_blake3: &source.fingerprint,
         half_pixel: source.pixels.told.as_deref(),

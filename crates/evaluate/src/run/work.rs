@@ -17,7 +17,8 @@ pub fn evaluate_pair(
     done: &[Done],
     clock: &(dyn Fn() -> f64 + Sync),
 ) -> (PairResult, usize) {
-    let is_missing = |method_idx: usize, [a, b]: [u64; 2]| !done[method_idx].contains(&(entry.name.clone(), a, b));
+    let is_missing =
+        |method_idx: usize, [a, b]: [u64; 2]| !done[method_idx].contains(&(entry.name.clone(), a, b));
     let missing: Vec<Vec<[u64; 2]>> = (0..settings.methods.len())
         .map(|idx| entry.lights.iter().copied().filter(|lights| is_missing(idx, *lights)).collect())
         .collect();
@@ -87,7 +88,8 @@ fn measure_item(
 ) -> Result<Line, Error> {
     let answer = method.answer(views, references.full.truth());
     let metrics = references.full.measure(&answer.prediction, method.promise())?;
-    let in_rows = references.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;
+    let in_rows =
+        references.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;
     let cannot_say = answer.prediction.cam_b_from_cam_a.as_ref().err().map(ToString::to_string);
     Ok(Line { method: method.as_str().into(), item, cannot_say, metrics, reference_frame: in_rows })
 }

@@ -100,7 +100,9 @@ pub fn summary_json(source: &Source, outcome: &Outcome, methods: &[MethodLines])
             (method.method.as_str().to_owned(), value)
         })
         .collect();
-    let used: Vec<Value> = definitions().map(|d| json!({ "key": d.key, "unit": d.unit, "better": d.better, "text": d.text })).collect();
+    let used: Vec<Value> = definitions()
+        .map(|d| json!({ "key": d.key, "unit": d.unit, "better": d.better, "text": d.text }))
+        .collect();
     json!({
         "dataset": name,
         "num_items": outcome.num_items,

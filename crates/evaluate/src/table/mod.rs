@@ -6,8 +6,8 @@ pub mod specs;
 use crate::bootstrap::Estimate;
 use crate::pair_metrics::Better;
 use crate::paper::{self, Published};
-use crate::summary::classes::has_an_answer;
 use crate::run::Line;
+use crate::summary::classes::has_an_answer;
 use crate::summary::{Breakdown, MethodLines, Quantity, estimate_of};
 use serde::Serialize;
 
@@ -155,17 +155,15 @@ impl Table {
 
     /// Whether no cell of a method has a number.
     pub fn is_empty(&self) -> bool {
-        self.rows.iter().filter(|row| row.kind != RowKind::Published).all(|row| row.cells.iter().all(Option::is_none))
+        self.rows
+            .iter()
+            .filter(|row| row.kind != RowKind::Published)
+            .all(|row| row.cells.iter().all(Option::is_none))
     }
 }
 
 /// The rows of one class.
-fn class_rows(
-    spec: &Spec,
-    class: &str,
-    methods: &[MethodLines],
-    is_in: impl Fn(&Line) -> bool,
-) -> Vec<Row> {
+fn class_rows(spec: &Spec, class: &str, methods: &[MethodLines], is_in: impl Fn(&Line) -> bool) -> Vec<Row> {
     let chosen: Vec<(&MethodLines, Vec<&Line>)> = methods
         .iter()
         .map(|m| (m, m.lines.iter().filter(|line| has_an_answer(&line.item) && is_in(line)).collect()))

@@ -5,6 +5,9 @@ use crate::Error;
 use crate::pair_metrics::Better;
 use selenograph_report::{Cell as PageCell, Column as PageColumn, Table as PageTable, number};
 
+/// Numbers nearer to zero than this are shown as zero: no metric here has meaning below it.
+const NOTHING: f64 = 1e-9;
+
 impl Column {
     /// Heading with arrow and unit.
     pub fn title(&self) -> String {
@@ -21,6 +24,8 @@ impl Column {
     }
 
     fn write(&self, value: f64) -> String {
+        // Rounding of exact answers is no result.
+        let value = if value.abs() < NOTHING { 0.0 } else { value };
         match self.form {
             Form::Fixed(decimals) => number::fixed(value, decimals),
             Form::Significant(digits) => number::significant(value, digits),
@@ -29,12 +34,17 @@ impl Column {
 
     fn interval(&self, cell: &Cell) -> Option<String> {
         let [low, high] = cell.estimate.interval?;
+        // Where every geometry says the same there is nothing to show.
+        if high - low <= NOTHING {
+            return None;
+        }
         Some(format!("{}–{}", self.write(low), self.write(high)))
     }
 }
 
 fn reduction(cell: &Cell) -> Option<String> {
-    cell.reduction_pct.map(|pct| format!("{}{} %", if pct < 0.0 { "+" } else { "−" }, number::fixed(pct.abs(), 0)))
+    cell.reduction_pct
+        .map(|pct| format!("{}{} %", if pct < 0.0 { "+" } else { "−" }, number::fixed(pct.abs(), 0)))
 }
 
 /// The two columns before the numbers, and how many items a row is of.
@@ -53,8 +63,13 @@ const MARKS: &str = "↑ more is better, ↓ less is better; bold (or *): best o
 impl Table {
     /// For a terminal: intervals and reductions in a line of their own below each row.
     pub fn text(&self) -> String {
-        let mut grid: Vec<Vec<String>> =
-            vec![LABELS.iter().map(ToString::to_string).chain(self.spec.columns.iter().map(Column::title)).collect()];
+        let mut grid: Vec<Vec<String>> = vec![
+            LABELS
+                .iter()
+                .map(ToString::to_string)
+                .chain(self.spec.columns.iter().map(Column::title))
+                .collect(),
+        ];
         let mut last_class = None;
         for row in &self.rows {
             let [class, name, count] = labels(row);
@@ -160,7 +175,8 @@ impl Table {
 
     /// CSV with plain numbers: for each column the value, the ends of its interval, and the items it is of.
     pub fn csv(&self) -> String {
-        let mut heads = vec!["class".to_owned(), "method".into(), "kind".into(), "items".into(), "geometries".into()];
+        let mut heads =
+            vec!["class".to_owned(), "method".into(), "kind".into(), "items".into(), "geometries".into()];
         for column in &self.spec.columns {
             let name = if column.unit.is_empty() {
                 column.head.clone()
@@ -210,8 +226,7 @@ impl Table {
         for row in &self.rows {
             let numbers = row.cells.iter().zip(&self.spec.columns).map(|(cell, column)| {
                 let Some(cell) = cell else { return PageCell::from("–") };
-                let page_cell =
-                    PageCell::from(column.write(cell.estimate.value)).best_if(cell.is_best);
+                let page_cell = PageCell::from(column.write(cell.estimate.value)).best_if(cell.is_best);
                 let parts = [column.interval(cell), reduction(cell)];
                 let small = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
                 if small.is_empty() { page_cell } else { page_cell.with_small(small) }

@@ -83,7 +83,13 @@ fn median_error(frame: Frame, angle: PoseAngle) -> Column {
 }
 
 /// A number of a region by its key; its definition is that of the key.
-fn region(frame: Frame, region: Region, key: &'static str, head: &str, anchor: Option<&'static str>) -> Column {
+fn region(
+    frame: Frame,
+    region: Region,
+    key: &'static str,
+    head: &str,
+    anchor: Option<&'static str>,
+) -> Column {
     let known = definition(key);
     let unit = match known.map_or("1", |d| d.unit) {
         "1" | "px" => "",
@@ -259,7 +265,10 @@ pub fn hazards() -> Spec {
         id: "hazards".into(),
         title: "Hazard maps by slope limit: what both views see".into(),
         notes: vec![],
-        columns: HAZARDS.iter().map(|key| region(Frame::Full, Region::Overlap, key, &head(key), None)).collect(),
+        columns: HAZARDS
+            .iter()
+            .map(|key| region(Frame::Full, Region::Overlap, key, &head(key), None))
+            .collect(),
         published: &[],
     }
 }
