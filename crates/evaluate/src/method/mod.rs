@@ -1,5 +1,6 @@
 //! The methods that can be evaluated: the one place where a further one is added.
 
+mod pictures;
 mod plane;
 mod truth;
 
@@ -15,6 +16,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
+    /// The paper's baseline: ORB, pose only.
+    Orb,
+    /// SIFT, robust estimation, subpixel windows, refinement: pose only.
+    Sift,
     /// The truth itself: what a perfect answer scores.
     Truth,
     /// A plane fitted to the truth: the lower anchor.
@@ -39,10 +44,20 @@ pub struct Answer {
 
 impl Method {
     /// All of them, in the order of the tables.
-    pub const ALL: [Self; 2] = [Self::Truth, Self::Plane];
+    pub const ALL: [Self; 4] = [Self::Orb, Self::Sift, Self::Truth, Self::Plane];
 
     fn words(self) -> Words {
         match self {
+            Self::Orb => Words {
+                name: "orb",
+                promise: Promise::Pose,
+                settings: "ORB as OpenCV has it (5000 features, 8 levels of scale 1.2, FAST 20), Hamming neighbours with cross-check, five-point RANSAC (1 px, confidence 0.9999), nothing refined; the paper states no settings",
+            },
+            Self::Sift => Words {
+                name: "sift",
+                promise: Promise::Pose,
+                settings: "root-SIFT, mutual neighbours with ratio test, LO-RANSAC (1 px), windows aligned to subpixels, Sampson refinement over all inliers",
+            },
             Self::Truth => Words {
                 name: "truth",
                 promise: Promise::MetricPoints,
@@ -99,8 +114,16 @@ impl Method {
     }
 
     /// What it says of two views. Only the anchors look at the truth.
-    pub fn answer(self, _views: &[View; 2], truth: &TruthPair) -> Answer {
+    pub fn answer(self, views: &[View; 2], truth: &TruthPair) -> Answer {
         match self {
+            Self::Orb => Answer {
+                prediction: pictures::orb(views),
+                reference_pose: Some(pictures::orb_reference(views)),
+            },
+            Self::Sift => Answer {
+                prediction: pictures::sift(views),
+                reference_pose: Some(pictures::sift_reference(views)),
+            },
             Self::Truth => Answer { prediction: truth::prediction(truth), reference_pose: None },
             Self::Plane => Answer { prediction: plane::prediction(truth), reference_pose: None },
         }
