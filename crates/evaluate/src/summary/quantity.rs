@@ -70,19 +70,19 @@ impl Quantity {
                 if metrics.pose_failed && failures == Failures::LeftOut {
                     return None;
                 }
-                Some(f64::from(u8::from(error_deg(metrics, angle) < threshold_deg)))
+                Some(f64::from(u8::from(error_deg(metrics, angle)? < threshold_deg)))
             }
             Self::Auc(frame, angle, threshold_deg) => {
-                Some((1.0 - error_deg(metrics(frame)?, angle) / threshold_deg).max(0.0))
+                Some((1.0 - error_deg(metrics(frame)?, angle)? / threshold_deg).max(0.0))
             }
             Self::AucInBins(frame, angle, threshold_deg) => {
                 let num_bins = (threshold_deg / BIN_DEG).round();
                 // The first edge beyond the error; the trapezoid before it holds half a bin.
-                let edge = (error_deg(metrics(frame)?, angle) / BIN_DEG).floor() + 1.0;
+                let edge = (error_deg(metrics(frame)?, angle)? / BIN_DEG).floor() + 1.0;
                 Some(if edge <= num_bins { (num_bins - edge + 0.5) / num_bins } else { 0.0 })
             }
             Self::MedianError(frame, angle) => {
-                Some(error_deg(metrics(frame)?, angle)).filter(|error| error.is_finite())
+                error_deg(metrics(frame)?, angle).filter(|error| error.is_finite())
             }
             Self::Failed(frame) => Some(f64::from(u8::from(metrics(frame)?.pose_failed))),
             Self::Pair(frame, key) => metrics(frame)?.numbers.get(key).filter(|v| v.is_finite()),
@@ -101,11 +101,12 @@ impl Quantity {
     }
 }
 
-fn error_deg(metrics: &PairMetrics, angle: PoseAngle) -> f64 {
+/// Infinite for a failure; `None` where the truth has no such angle.
+fn error_deg(metrics: &PairMetrics, angle: PoseAngle) -> Option<f64> {
     match angle {
-        PoseAngle::Rra => metrics.rra_counted_deg(),
+        PoseAngle::Rra => Some(metrics.rra_counted_deg()),
         PoseAngle::Rta => metrics.rta_counted_deg(),
-        PoseAngle::Worse => metrics.pose_error_deg(),
+        PoseAngle::Worse => Some(metrics.pose_error_deg()),
     }
 }
 
