@@ -12,7 +12,7 @@ use selenograph_pose::relative::CannotSay;
 use selenograph_reconstruct::{Prediction, View};
 use serde::{Deserialize, Serialize};
 
-/// A method. To add one: a variant here, its words in [`Method::words`], its work in [`Method::answer`].
+/// A method. To add one: a variant here, its words in `Method::words`, its work in [`Method::answer`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
