@@ -5,15 +5,24 @@ use super::data_check::convention;
 use crate::args::evaluate::{CrossLight, Evaluate};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
+use anyhow::Context;
 use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
+use selenograph_evaluate::figures::ItemFigures;
 use selenograph_evaluate::method::Method;
+use selenograph_evaluate::pair_metrics::Promise;
 use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
+use selenograph_evaluate::summary::page::{self, Contents};
 use selenograph_evaluate::summary::{MethodLines, Results, summary_json};
+use selenograph_evaluate::{plots, worst};
+use std::path::Path;
 use std::time::Instant;
 
 /// Tables that are printed; the others are in the files.
 const PRINTED: [&str; 4] = ["pose", "terrain_overlap", "terrain_paper", "hard_cases"];
+
+/// Items whose figures stand in the page; those of the others are in files only.
+const MAX_IN_PAGE: usize = 12;
 
 /// Evaluates, and writes lines, tables and the report.
 ///
@@ -33,8 +42,8 @@ pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
     let results = ui.timed("tables", || Results::new(&methods));
     results.write(&args.target.out.join("tables"))?;
     let summary = summary_json(&source, &outcome, &methods);
-    let path = args.target.out.join("summary.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&summary)? + "\n")?;
+    write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
+    ui.timed("figures and report", || write_report(&source, &outcome, &methods, &results, args, ui))?;
     if ui.json {
         ui.data_json(&summary)?;
     } else {
@@ -44,6 +53,78 @@ pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     ui.note(&format!("evaluation: {}", args.target.out.display()));
     Ok(if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) })
+}
+
+/// Plots, figures, and the page that shows them.
+fn write_report(
+    source: &Source,
+    outcome: &run::Outcome,
+    methods: &[MethodLines],
+    results: &Results,
+    args: &Evaluate,
+    ui: &Ui,
+) -> anyhow::Result<()> {
+    let out = &args.target.out;
+    let plots = plots::plots(methods);
+    std::fs::create_dir_all(out.join("plots"))
+        .with_context(|| format!("cannot make the folder `{}`", out.join("plots").display()))?;
+    for plot in &plots {
+        write(&out.join("plots").join(format!("{}.svg", plot.id)), &plot.chart.svg())?;
+    }
+    let ranked = methods.iter().find(|m| m.method.promise() != Promise::Pose && m.method.looks_at_pictures());
+    let worst_items: Vec<Item> = ranked
+        .map(|m| worst::worst(m).iter().map(|w| Item::of(w.line, vec![m.method])).collect())
+        .unwrap_or_default();
+    let all: Vec<Method> = methods.iter().map(|m| m.method).collect();
+    let of_pairs: Vec<Item> = if args.figures { one_per_pair(methods, &all) } else { Vec::new() };
+    let bar = ui.bar((worst_items.len() + of_pairs.len()) as u64, "figures");
+    let draw = |items: &[Item], folder: &str| -> anyhow::Result<Vec<ItemFigures>> {
+        let mut shown = Vec::new();
+        for (k, item) in items.iter().enumerate() {
+            let drawn = ItemFigures::draw(source, &item.methods, &item.pair, item.lights)?;
+            bar.inc(1);
+            let Some(drawn) = drawn else { continue };
+            drawn.write(&out.join(folder).join(item.pair.replace('/', "_")))?;
+            if k < MAX_IN_PAGE {
+                shown.push(drawn);
+            }
+        }
+        Ok(shown)
+    };
+    let (worst, figures) = (draw(&worst_items, "worst")?, draw(&of_pairs, "figures")?);
+    bar.finish_and_clear();
+    let contents =
+        Contents { source, outcome, methods, results, plots: &plots, worst: &worst, figures: &figures };
+    write(&out.join("report.html"), &page::page(&contents)?)
+}
+
+/// An item to draw, and whose answers.
+struct Item {
+    pair: String,
+    lights: [u64; 2],
+    methods: Vec<Method>,
+}
+
+impl Item {
+    fn of(line: &run::Line, methods: Vec<Method>) -> Self {
+        Self { pair: line.item.pair.clone(), lights: [line.item.light_a, line.item.light_b], methods }
+    }
+}
+
+/// The first item of each pair.
+fn one_per_pair(methods: &[MethodLines], all: &[Method]) -> Vec<Item> {
+    let lines = methods.first().map(|m| m.lines.as_slice()).unwrap_or_default();
+    let mut items: Vec<Item> = Vec::new();
+    for line in lines {
+        if items.last().is_none_or(|item| item.pair != line.item.pair) {
+            items.push(Item::of(line, all.to_vec()));
+        }
+    }
+    items
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, text).with_context(|| format!("cannot write `{}`", path.display()))
 }
 
 /// The methods by name, each once.

@@ -157,7 +157,7 @@ fn look_below(root: &Path, folder: &Path, level: usize, found: &mut Found) -> Re
 /// A name below the root: `sub/name`, or `name` alone.
 fn name_below(root: &Path, folder: &Path, name: &str) -> String {
     let parts = folder.strip_prefix(root).unwrap_or(folder).iter().map(|part| part.to_string_lossy());
-    parts.map(|part| part.into_owned()).chain([name.to_owned()]).collect::<Vec<_>>().join("/")
+    parts.map(std::borrow::Cow::into_owned).chain([name.to_owned()]).collect::<Vec<_>>().join("/")
 }
 
 fn add_own(root: &Path, dataset: &Path, pairs: Vec<(u64, PathBuf)>, found: &mut Found) {

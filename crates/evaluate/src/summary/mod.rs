@@ -1,6 +1,7 @@
 //! Lines of an evaluation become numbers: what is taken of a line, and which lines belong together.
 
 pub mod classes;
+pub mod page;
 pub mod quantity;
 pub mod results;
 

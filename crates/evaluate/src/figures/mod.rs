@@ -1,0 +1,182 @@
+//! The paper's figures of an item: methods side by side, depth in viridis, slope in heat, hillshaded pointmaps, clouds in red
+//! and green, a profile with the truth in red and the prediction in brown.
+
+mod cloud;
+mod maps;
+
+use crate::Error;
+use crate::aligned::AlignedPair;
+use crate::dataset_source::{LoadedPair, Source};
+use crate::method::Method;
+use crate::pair_metrics::{self, Reference, Region};
+use maps::Maps;
+use selenograph_raster::Raster;
+use selenograph_raster::codec::png;
+use selenograph_report::chart::{Profile, profile};
+use selenograph_report::figure::Grid;
+use selenograph_report::{Axis, Figure, Picture};
+use std::path::Path;
+
+/// Width of a picture in the grid, CSS pixels.
+const CELL_PX: f64 = 240.0;
+
+/// One method's answer to an item, ready to be drawn.
+struct Drawn {
+    name: &'static str,
+    maps: Maps,
+    cloud: Option<Raster<[u8; 3]>>,
+}
+
+/// The figures of one item.
+#[derive(Debug)]
+pub struct ItemFigures {
+    /// What the item is, for the caption.
+    pub name: String,
+    /// Views, truth and every method with points: depth, slope, hillshade, clouds.
+    pub grid: String,
+    /// The central profile of each method with points.
+    pub profiles: Vec<(&'static str, String)>,
+    /// Every picture of the grid, by name, for files.
+    pictures: Vec<(String, Raster<[u8; 3]>)>,
+}
+
+impl ItemFigures {
+    /// Runs the methods on an item once more and draws what they say; pose-only methods have nothing to draw.
+    ///
+    /// # Errors
+    /// Those of reading the pair, and of encoding pictures.
+    pub fn draw(
+        source: &Source,
+        methods: &[Method],
+        pair_name: &str,
+        lights: [u64; 2],
+    ) -> Result<Option<Self>, Error> {
+        let Some(entry) = source.entries.iter().find(|entry| entry.name == pair_name) else {
+            return Ok(None);
+        };
+        let pair = LoadedPair::read(entry, &source.pixels)?;
+        let Some(views) = pair.views(lights) else { return Ok(None) };
+        let settings = pair_metrics::Settings::default();
+        let reference = Reference::new(&pair.geometry.truth(), &settings)?;
+        let mut drawn = vec![Drawn::of_truth(&reference)];
+        for method in methods.iter().filter(|method| **method != Method::Truth) {
+            let answer = method.answer(&views, reference.truth());
+            if let Some(Ok(aligned)) = reference.align(&answer.prediction, Region::Overlap)? {
+                drawn.push(Drawn::of_answer(method.as_str(), &aligned, &reference));
+            }
+        }
+        let grey = views.map(|view| maps::grey(&view.image));
+        assemble(format!("{pair_name}, lights {} and {}", lights[0], lights[1]), &drawn, grey).map(Some)
+    }
+
+    /// Writes the figures as files: `grid.svg`, `profile_<method>.svg`, and every picture as PNG.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Raster`] if that is refused.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        std::fs::create_dir_all(folder).map_err(Error::io("make", folder))?;
+        let write = |name: &str, bytes: &[u8]| {
+            let path = folder.join(name);
+            std::fs::write(&path, bytes).map_err(Error::io("write", &path))
+        };
+        write("grid.svg", self.grid.as_bytes())?;
+        for (method, svg) in &self.profiles {
+            write(&format!("profile_{method}.svg"), svg.as_bytes())?;
+        }
+        for (name, picture) in &self.pictures {
+            write(&format!("{name}.png"), &png::encode_rgb8(picture)?)?;
+        }
+        Ok(())
+    }
+
+    /// For a page.
+    pub fn page(&self) -> Vec<Figure> {
+        let grid = Figure::svg(
+            self.grid.clone(),
+            &format!(
+                "{}. Depth in viridis, slope in heat (0 to 40°), hillshade of the points, the cloud (view A red, view B green); grey: no answer.",
+                self.name
+            ),
+        );
+        let profiles = self.profiles.iter().map(|(method, svg)| {
+            Figure::svg(
+                svg.clone(),
+                &format!("Central row of view A, {method}: world Z, truth in red, prediction in brown."),
+            )
+        });
+        std::iter::once(grid).chain(profiles).collect()
+    }
+}
+
+impl Drawn {
+    fn of_truth(reference: &Reference) -> Self {
+        let points = reference.points_in_cam_a();
+        let aligned = AlignedPair { alignment: None, points_in_cam_a: points.clone() };
+        Self::of_answer("truth", &aligned, reference)
+    }
+
+    fn of_answer(name: &'static str, aligned: &AlignedPair, reference: &Reference) -> Self {
+        let world_from_cam_a = reference.truth().world_from_cam_a();
+        Self {
+            name,
+            maps: Maps::new(aligned, reference.truth()),
+            cloud: cloud::picture(&aligned.points_in_cam_a, &world_from_cam_a),
+        }
+    }
+}
+
+/// Half as large, for pages of many pictures; small pictures stay.
+fn halved(picture: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
+    if picture.width.min(picture.height) < 2 * CELL_PX as usize {
+        return picture.clone();
+    }
+    Raster::from_fn(picture.width / 2, picture.height / 2, |x, y| {
+        std::array::from_fn(|channel| {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)];
+            let sum: u32 =
+                four.iter().map(|(dx, dy)| u32::from(picture[(2 * x + dx, 2 * y + dy)][channel])).sum();
+            ((sum + 2) / 4) as u8
+        })
+    })
+}
+
+fn assemble(
+    name: String,
+    drawn: &[Drawn],
+    [grey_a, grey_b]: [Raster<[u8; 3]>; 2],
+) -> Result<ItemFigures, Error> {
+    let mut grid = Grid::new(std::iter::once("view").chain(drawn.iter().map(|d| d.name)), CELL_PX);
+    let mut pictures = vec![("view_a".to_owned(), grey_a), ("view_b".to_owned(), grey_b)];
+    // The truth sets the scale of every method's colours.
+    let range = drawn.first().map_or([0.0, 1.0], |truth| truth.maps.depth_range_m());
+    let rows: [(&str, &dyn Fn(&Drawn) -> Option<Raster<[u8; 3]>>); 4] = [
+        ("depth", &|d: &Drawn| Some(d.maps.depth_picture(range))),
+        ("slope", &|d: &Drawn| Some(d.maps.slope_picture())),
+        ("hillshade", &|d: &Drawn| Some(d.maps.hillshade_picture())),
+        ("cloud", &|d: &Drawn| d.cloud.clone()),
+    ];
+    for (k, (title, draw)) in rows.into_iter().enumerate() {
+        let view =
+            pictures.get(k).filter(|_| k < 2).map(|(_, view)| Picture::photo(&halved(view))).transpose()?;
+        let mut cells = vec![view];
+        for one in drawn {
+            let picture = draw(one);
+            cells.push(picture.as_ref().map(|picture| Picture::exact(&halved(picture))).transpose()?);
+            pictures.extend(picture.map(|picture| (format!("{title}_{}", one.name), picture)));
+        }
+        grid.row(title, cells);
+    }
+    let truth = drawn.first().map(|d| d.maps.profile_m()).unwrap_or_default();
+    let columns: Vec<f64> = (0..truth.len()).map(|x| x as f64).collect();
+    let profiles = drawn.iter().skip(1).map(|d| {
+        let prediction = d.maps.profile_m();
+        let chart = profile(
+            &format!("Central row, {}", d.name),
+            Axis::new("column (px)"),
+            Axis::new("world Z over its mean (m)"),
+            &Profile { distance: &columns, truth: Some(&truth), prediction: &prediction, sigma: None },
+        );
+        (d.name, chart.svg())
+    });
+    Ok(ItemFigures { name, grid: grid.svg(), profiles: profiles.collect(), pictures })
+}

@@ -1,0 +1,163 @@
+//! `report.html` of an evaluation: one page that holds everything.
+
+use super::{MethodLines, Results};
+use crate::Error;
+use crate::dataset_source::Source;
+use crate::figures::ItemFigures;
+use crate::plots::Plot;
+use crate::run::Outcome;
+use crate::table::render::marks;
+use crate::worst::{failures, item_name, worst};
+use selenograph_report::{Cell, Column, Figure, Page, Table, number};
+
+/// More failures than this are counted, not listed.
+const MAX_LISTED: usize = 200;
+
+/// What the page is made of.
+pub struct Contents<'a> {
+    /// What was evaluated.
+    pub source: &'a Source,
+    /// What was done.
+    pub outcome: &'a Outcome,
+    /// The lines.
+    pub methods: &'a [MethodLines],
+    /// The tables.
+    pub results: &'a Results,
+    /// The plots.
+    pub plots: &'a [Plot],
+    /// Figures of the worst items.
+    pub worst: &'a [ItemFigures],
+    /// Figures of other items.
+    pub figures: &'a [ItemFigures],
+}
+
+/// The page as HTML.
+///
+/// # Errors
+/// [`Error::Report`] if a table cannot be put together.
+pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
+    let Contents { source, outcome, methods, results, plots, .. } = contents;
+    let name = source.root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut page = Page::new(format!("Evaluation of {name}"));
+    page.lead(&format!(
+        "{} pairs, {} items of {} methods; {} left out.",
+        source.entries.len(),
+        outcome.num_items,
+        methods.len(),
+        outcome.skipped.len()
+    ));
+    page.section("Methods");
+    page.table(&methods_table(contents)?);
+    if let Some(told) = &source.pixels.told {
+        page.warning(told);
+    }
+    page.section("Tables").paragraph(marks());
+    add_tables(&mut page, results.main.iter().chain(&results.hard))?;
+    if !results.by_class.is_empty() {
+        page.section("Broken down");
+        add_tables(&mut page, results.by_class.iter())?;
+    }
+    page.section("Plots");
+    let drawn: Vec<Figure> = plots.iter().map(|plot| Figure::svg(plot.chart.svg(), &plot.caption)).collect();
+    page.figures(&drawn);
+    add_worst(&mut page, contents)?;
+    if !contents.figures.is_empty() {
+        page.section("Figures");
+        for item in contents.figures {
+            item.page().iter().for_each(|figure| drop(page.figure(figure)));
+        }
+    }
+    page.section("Failures and what was left out");
+    add_failures(&mut page, contents);
+    Ok(page.finish())
+}
+
+fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
+    let columns = [
+        Column::text("method"),
+        Column::text("settings"),
+        Column::number("items"),
+        Column::number("s per item"),
+    ];
+    let mut table = Table::new("", columns);
+    for (method, seconds) in contents.methods.iter().zip(&contents.outcome.seconds_per_item) {
+        let seconds = seconds.map_or("–".into(), |seconds| number::significant(seconds, 3));
+        let cells: [String; 4] = [
+            method.method.as_str().into(),
+            method.method.settings().into(),
+            method.lines.len().to_string(),
+            seconds,
+        ];
+        table.row(cells.map(Cell::from))?;
+    }
+    Ok(table)
+}
+
+fn add_tables<'a>(
+    page: &mut Page,
+    tables: impl Iterator<Item = &'a crate::table::Table>,
+) -> Result<(), Error> {
+    for table in tables {
+        page.table(&table.page()?);
+        for note in &table.spec.notes {
+            page.paragraph(note);
+        }
+    }
+    Ok(())
+}
+
+fn add_worst(page: &mut Page, contents: &Contents<'_>) -> Result<(), Error> {
+    page.section("Worst pairs");
+    for method in contents.methods.iter().filter(|m| m.method.looks_at_pictures()) {
+        let columns = ["item", "trajectory"].map(Column::text).into_iter();
+        let numbers = ["RRA (°)", "RTA (°)", "point error", "coverage (%)", "overlap (%)", "altitude (km)"];
+        let mut table = Table::new(
+            format!("Worst of {}, one light of each pair", method.method.as_str()),
+            columns.chain(numbers.map(Column::number)),
+        );
+        for worst in worst(method) {
+            let (line, shown) = (worst.line, |value: Option<f64>, digits| {
+                value.map_or("–".into(), |value| number::significant(value, digits))
+            });
+            let metrics = &line.metrics;
+            let region = &metrics.overlap.numbers;
+            let cells: [String; 8] = [
+                item_name(line),
+                line.item.trajectory.map_or("unknown", |t| t.as_str()).into(),
+                shown(metrics.numbers.rra_deg, 3),
+                shown(metrics.numbers.rta_deg, 3),
+                shown(region.point_error_rel, 3),
+                shown(region.coverage.map(|share| 100.0 * share), 3),
+                shown(Some(100.0 * line.item.overlap_share), 3),
+                shown(Some(line.item.altitude_m / 1e3), 3),
+            ];
+            table.row(cells.map(Cell::from))?;
+        }
+        page.table(&table);
+    }
+    for item in contents.worst {
+        item.page().iter().for_each(|figure| drop(page.figure(figure)));
+    }
+    Ok(())
+}
+
+fn add_failures(page: &mut Page, contents: &Contents<'_>) {
+    let list = |page: &mut Page, items: &[String]| {
+        page.list(&items[..items.len().min(MAX_LISTED)]);
+        if items.len() > MAX_LISTED {
+            page.paragraph(&format!("and {} more", items.len() - MAX_LISTED));
+        }
+    };
+    for method in contents.methods {
+        let failed = failures(method);
+        page.heading(&format!(
+            "{}: {} of {} items without a pose",
+            method.method.as_str(),
+            failed.len(),
+            method.lines.len()
+        ));
+        list(page, &failed);
+    }
+    page.heading(&format!("{} left out", contents.outcome.skipped.len()));
+    list(page, &contents.outcome.skipped);
+}
