@@ -149,18 +149,17 @@ fn assemble(
     let mut pictures = vec![("view_a".to_owned(), grey_a), ("view_b".to_owned(), grey_b)];
     // The truth sets the scale of every method's colours.
     let range = drawn.first().map_or([0.0, 1.0], |truth| truth.maps.depth_range_m());
-    let rows: [(&str, &dyn Fn(&Drawn) -> Option<Raster<[u8; 3]>>); 4] = [
-        ("depth", &|d: &Drawn| Some(d.maps.depth_picture(range))),
-        ("slope", &|d: &Drawn| Some(d.maps.slope_picture())),
-        ("hillshade", &|d: &Drawn| Some(d.maps.hillshade_picture())),
-        ("cloud", &|d: &Drawn| d.cloud.clone()),
-    ];
-    for (k, (title, draw)) in rows.into_iter().enumerate() {
+    for (k, title) in ["depth", "slope", "hillshade", "cloud"].into_iter().enumerate() {
         let view =
             pictures.get(k).filter(|_| k < 2).map(|(_, view)| Picture::photo(&halved(view))).transpose()?;
         let mut cells = vec![view];
         for one in drawn {
-            let picture = draw(one);
+            let picture = match k {
+                0 => Some(one.maps.depth_picture(range)),
+                1 => Some(one.maps.slope_picture()),
+                2 => Some(one.maps.hillshade_picture()),
+                _ => one.cloud.clone(),
+            };
             cells.push(picture.as_ref().map(|picture| Picture::exact(&halved(picture))).transpose()?);
             pictures.extend(picture.map(|picture| (format!("{title}_{}", one.name), picture)));
         }

@@ -64,7 +64,7 @@ pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
     if !contents.figures.is_empty() {
         page.section("Figures");
         for item in contents.figures {
-            item.page().iter().for_each(|figure| drop(page.figure(figure)));
+            page.figures(&item.page());
         }
     }
     page.section("Failures and what was left out");
@@ -136,7 +136,7 @@ fn add_worst(page: &mut Page, contents: &Contents<'_>) -> Result<(), Error> {
         page.table(&table);
     }
     for item in contents.worst {
-        item.page().iter().for_each(|figure| drop(page.figure(figure)));
+        page.figures(&item.page());
     }
     Ok(())
 }
