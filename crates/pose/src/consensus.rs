@@ -117,13 +117,14 @@ impl Estimator for EssentialSearch<'_> {
 /// Searches for a homography with four matches.
 pub struct HomographySearch<'a> {
     pairs: &'a Pairs,
+    narrow: PairsF32,
     limit: f64,
 }
 
 impl<'a> HomographySearch<'a> {
     /// On pairs in random order, with the inlier threshold of the transfer error in B.
     pub fn new(pairs: &'a Pairs, threshold: f64) -> Self {
-        Self { pairs, limit: threshold * threshold }
+        Self { pairs, narrow: PairsF32::from(pairs), limit: threshold * threshold }
     }
 
     /// A linear fit to at most `take` pairs near a homography, weighted by Cauchy's function at the threshold.
@@ -152,7 +153,7 @@ impl Estimator for HomographySearch<'_> {
     }
 
     fn score(&self, model: &Self::Model, best: &Score) -> Option<Score> {
-        score_transfer(self.pairs, model, self.limit, best)
+        score_transfer(self.pairs, &self.narrow, model, self.limit, best)
     }
 
     fn improve(&mut self, model: &Self::Model) -> Option<Self::Model> {
@@ -163,13 +164,14 @@ impl Estimator for HomographySearch<'_> {
 /// Searches for a rotation with two matches.
 pub struct RotationSearch<'a> {
     pairs: &'a Pairs,
+    narrow: PairsF32,
     limit: f64,
 }
 
 impl<'a> RotationSearch<'a> {
     /// On pairs in random order, with the inlier threshold of the transfer error in B.
     pub fn new(pairs: &'a Pairs, threshold: f64) -> Self {
-        Self { pairs, limit: threshold * threshold }
+        Self { pairs, narrow: PairsF32::from(pairs), limit: threshold * threshold }
     }
 }
 
@@ -188,7 +190,7 @@ impl Estimator for RotationSearch<'_> {
     }
 
     fn score(&self, model: &Self::Model, best: &Score) -> Option<Score> {
-        score_transfer(self.pairs, model, self.limit, best)
+        score_transfer(self.pairs, &self.narrow, model, self.limit, best)
     }
 
     fn improve(&mut self, model: &Self::Model) -> Option<Self::Model> {
@@ -205,36 +207,59 @@ pub fn fit_rotation(pairs: &Pairs, start: &Matrix3<f64>, limit: f64) -> Option<M
     rotation(weighted)
 }
 
-fn score_transfer(pairs: &Pairs, h: &Matrix3<f64>, limit: f64, best: &Score) -> Option<Score> {
+fn score_transfer(
+    pairs: &Pairs,
+    narrow: &PairsF32,
+    h: &Matrix3<f64>,
+    limit: f64,
+    best: &Score,
+) -> Option<Score> {
     let mut tally = Tally::new(limit, pairs.len(), best);
-    let h: [f64; 9] = std::array::from_fn(|i| h[(i / 3, i % 3)]);
+    let h: [f32; 9] = std::array::from_fn(|i| h[(i / 3, i % 3)] as f32);
     for (start, end, data) in blocks(pairs) {
         let range = start..end;
-        let (ax, ay) = (&pairs.ax[range.clone()], &pairs.ay[range.clone()]);
-        let (bx, by) = (&pairs.bx[range.clone()], &pairs.by[range]);
-        let mut cost = [0.0; LANES];
-        let mut count = [0_u32; LANES];
-        for (((ax, ay), bx), by) in ax
-            .chunks_exact(LANES)
-            .zip(ay.chunks_exact(LANES))
-            .zip(bx.chunks_exact(LANES))
-            .zip(by.chunks_exact(LANES))
-        {
-            for k in 0..LANES {
-                let w = 1.0 / (h[6] * ax[k] + h[7] * ay[k] + h[8]);
-                let dx = (h[0] * ax[k] + h[1] * ay[k] + h[2]) * w - bx[k];
-                let dy = (h[3] * ax[k] + h[4] * ay[k] + h[5]) * w - by[k];
-                let squared = dx * dx + dy * dy;
-                let close = squared < limit;
-                cost[k] += if close { squared } else { limit };
-                count[k] += u32::from(close);
-            }
-        }
+        let (cost, inliers) = truncated_transfer(
+            &h,
+            &narrow.ax[range.clone()],
+            &narrow.ay[range.clone()],
+            &narrow.bx[range.clone()],
+            &narrow.by[range],
+            limit as f32,
+        );
         let padding = (end - start - data) as f64 * limit;
-        let inliers: u32 = count.iter().sum();
-        if !tally.add(data, cost.iter().sum::<f64>() - padding, inliers as usize) {
+        if !tally.add(data, f64::from(cost) - padding, inliers as usize) {
             return None;
         }
     }
     Some(tally.score())
+}
+
+/// Truncated cost of the transfer errors and the number below the limit, as [`sampson::truncated_f32`] has it.
+fn truncated_transfer(
+    h: &[f32; 9],
+    ax: &[f32],
+    ay: &[f32],
+    bx: &[f32],
+    by: &[f32],
+    limit: f32,
+) -> (f32, u32) {
+    let mut cost = [0.0_f32; LANES];
+    let mut count = [0_u32; LANES];
+    let chunks = ax
+        .chunks_exact(LANES)
+        .zip(ay.chunks_exact(LANES))
+        .zip(bx.chunks_exact(LANES))
+        .zip(by.chunks_exact(LANES));
+    for (((ax, ay), bx), by) in chunks {
+        for k in 0..LANES {
+            let w = 1.0 / (h[6] * ax[k] + h[7] * ay[k] + h[8]);
+            let dx = (h[0] * ax[k] + h[1] * ay[k] + h[2]) * w - bx[k];
+            let dy = (h[3] * ax[k] + h[4] * ay[k] + h[5]) * w - by[k];
+            let squared = dx * dx + dy * dy;
+            let close = squared < limit;
+            cost[k] += if close { squared } else { limit };
+            count[k] += u32::from(close);
+        }
+    }
+    (cost.iter().sum(), count.iter().sum())
 }

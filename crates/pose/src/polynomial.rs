@@ -83,7 +83,8 @@ fn between(
     last: bool,
     out: &mut [f64; MAX_DEGREE],
 ) -> usize {
-    let tolerance = if last { 2.0 * f64::EPSILON } else { 1e-10 };
+    // The ends of a bracket need not be exact: only roots nearer to each other than this are lost.
+    let tolerance = if last { 2.0 * f64::EPSILON } else { 1e-8 };
     let mut count = 0;
     let (mut low, mut value_low) = (-1.0, value(p, k, -1.0));
     if value_low == 0.0 {

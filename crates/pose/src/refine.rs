@@ -27,26 +27,36 @@ pub enum Loss {
 }
 
 impl Loss {
-    /// Cost and weight of a squared residual.
-    fn of(self, squared: f64) -> (f64, f64) {
+    /// Weights of a block of residuals, and their summed cost.
+    fn of(self, residuals: &[f64; LANES], weights: &mut [f64; LANES]) -> f64 {
         match self {
             Self::Cauchy { scale_squared, cutoff_squared } => {
-                if squared >= cutoff_squared {
-                    return (scale_squared * (cutoff_squared / scale_squared).ln_1p(), 0.0);
+                let (inverse, largest) = (1.0 / scale_squared, 1.0 + cutoff_squared.min(FAR) / scale_squared);
+                // One logarithm of the product instead of one each: eight factors below 1e38 do not overflow.
+                let mut product = 1.0;
+                for (w, r) in weights.iter_mut().zip(residuals) {
+                    let squared = r * r;
+                    let factor = (1.0 + squared * inverse).min(largest);
+                    *w = if squared < cutoff_squared { 1.0 / factor } else { 0.0 };
+                    product *= factor.min(1e38);
                 }
-                let u = squared / scale_squared;
-                (scale_squared * u.ln_1p(), 1.0 / (1.0 + u))
+                scale_squared * product.ln()
             }
             Self::Truncated { limit } => {
-                if squared < limit {
-                    (squared, 1.0)
-                } else {
-                    (limit, 0.0)
+                let mut cost = 0.0;
+                for (w, r) in weights.iter_mut().zip(residuals) {
+                    let squared = r * r;
+                    *w = if squared < limit { 1.0 } else { 0.0 };
+                    cost += squared.min(limit);
                 }
+                cost
             }
         }
     }
 }
+
+/// No Sampson distance on the plane `z = 1` is as large as this.
+const FAR: f64 = 1e12;
 
 /// A refined motion.
 #[derive(Debug, Clone, Copy)]
@@ -110,11 +120,7 @@ fn normal(pairs: &Pairs, motion: &Motion, loss: Loss) -> Normal {
     for_blocks(pairs, motion, |block, _| {
         let mut weighted = [[0.0; LANES]; 5];
         let mut weights = [0.0; LANES];
-        for (w, r) in weights.iter_mut().zip(&block.residual) {
-            let (c, weight) = loss.of(r * r);
-            cost += c;
-            *w = weight;
-        }
+        cost += loss.of(&block.residual, &mut weights);
         for (row, j) in weighted.iter_mut().zip(&block.jacobian) {
             for k in 0..LANES {
                 row[k] = weights[k] * j[k];

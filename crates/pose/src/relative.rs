@@ -13,7 +13,6 @@
 mod hypotheses;
 mod support;
 
-use crate::cheirality;
 use crate::consensus::{Counting, EssentialSearch, RotationSearch, fit_rotation};
 use crate::decompose::{Motion, motions_of_essential};
 use crate::degenerate::{above_chance, chance_share, without_parallax};
@@ -21,7 +20,6 @@ use crate::points::Pairs;
 use crate::random::Random;
 use crate::ransac::{Found, Local, Search, search};
 use crate::refine::uncertainty;
-use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3};
@@ -110,6 +108,9 @@ pub struct RelativePose {
     pub covariance: nalgebra::SMatrix<f64, 5, 5>,
     /// Share of the inliers that one homography explains as well: near 1, the scene is nearly a plane.
     pub plane_share: f64,
+    /// Another motion, more than 5° away, that the matches allow as well within noise: a plane without relief has two. Looked for with
+    /// [`Refinement::Full`] only.
+    pub rival: Option<Rigid3<CamB, CamA>>,
     /// Samples drawn.
     pub iterations: usize,
 }
@@ -168,11 +169,9 @@ const MIN_MATCHES: usize = 8;
 /// Samples that are always drawn unless plain RANSAC is asked for: they cost little beside the refinement.
 const MIN_ITERATIONS: usize = 20;
 /// The rotation needs few samples; views without it are most, and must not pay.
-const ROTATION_ITERATIONS: usize = 100;
+const ROTATION_ITERATIONS: usize = 40;
 /// How often the supporting matches are chosen anew before the last refinement.
 const FINAL_SELECTIONS: usize = 2;
-/// Matches that vote on the signs of a motion.
-const VOTERS: usize = 200;
 
 /// Estimates the relative pose of two views.
 ///
@@ -189,8 +188,13 @@ pub fn estimate(matches: &[Match], options: &RelativeOptions) -> Result<Relative
     let plane = essential.as_ref().and_then(|found| {
         hypotheses::dominant_plane(&problem.pairs, &found.model, options.threshold, options.seed)
     });
-    let motion =
-        essential.as_ref().map(|found| problem.refined(&found.model, rotation.as_ref(), plane.as_ref()));
+    let (motion, rival) = match &essential {
+        Some(found) => {
+            let (motion, rival) = problem.refined(&found.model, rotation.as_ref(), plane.as_ref());
+            (Some(motion), rival)
+        }
+        None => (None, None),
+    };
     let support =
         motion.as_ref().map(|motion| Support::new(&problem.pairs, motion, plane.as_ref(), options.threshold));
     let inliers = support.as_ref().map(|support| support.agreeing(&problem.pairs));
@@ -204,7 +208,7 @@ pub fn estimate(matches: &[Match], options: &RelativeOptions) -> Result<Relative
     match (motion, support, inliers) {
         (Some(motion), Some(support), Some(inliers)) if supported => {
             let iterations = essential.map_or(0, |found| found.iterations);
-            Ok(problem.answer(&motion, &support, &inliers, iterations))
+            Ok(problem.answer(&motion, rival, &support, &inliers, iterations))
         }
         _ => Err(CannotSay::NoConsensus { inliers: num_inliers, matches: matches.len() }),
     }
@@ -277,29 +281,23 @@ impl<'a> Problem<'a> {
         std::f64::consts::SQRT_2 * self.options.threshold
     }
 
-    /// The one of the four motions of an essential matrix that has its inliers in front.
-    fn facing(&self, motion: &Motion) -> Motion {
-        let e = motion.essential();
-        let voters = (0..self.pairs.len())
-            .map(|i| (self.pairs.a(i), self.pairs.b(i)))
-            .filter(|(a, b)| sampson::distance(&e, a, b).abs() < self.options.threshold)
-            .take(VOTERS);
-        cheirality::most_in_front(&motions_of_essential(&e), voters).0
-    }
-
-    /// The motion of the search's model, polished as far as the options ask.
+    /// The motion of the search's model, polished as far as the options ask, and its rival.
     fn refined(
         &self,
         found: &Matrix3<f64>,
         rotation: Option<&Matrix3<f64>>,
         plane: Option<&Matrix3<f64>>,
-    ) -> Motion {
+    ) -> (Motion, Option<Motion>) {
         let (pairs, threshold) = (&self.pairs, self.options.threshold);
-        match self.options.refinement {
-            Refinement::None => self.facing(&motions_of_essential(found)[0]),
-            Refinement::Local => self.facing(&hypotheses::refined(pairs, found, threshold)),
+        let start = match self.options.refinement {
+            Refinement::None => motions_of_essential(found)[0],
+            Refinement::Local => hypotheses::refined(pairs, found, threshold),
             Refinement::Full => {
-                let mut motion = self.facing(&hypotheses::best(pairs, found, rotation, plane, threshold));
+                let first = hypotheses::facing(pairs, &motions_of_essential(found)[0], threshold);
+                // Strays on the plane's epipolar lines must not choose among the candidates either.
+                let judges = Support::new(pairs, &first, plane, threshold).near_plane(pairs);
+                let mut all = hypotheses::candidates(&judges, found, rotation, plane, threshold);
+                let mut motion = all.remove(0);
                 for _ in 0..FINAL_SELECTIONS {
                     let inliers = Support::new(pairs, &motion, plane, threshold).agreeing(pairs);
                     if inliers.len() < MIN_MATCHES {
@@ -307,9 +305,12 @@ impl<'a> Problem<'a> {
                     }
                     motion = hypotheses::last_rounds(&inliers, motion, threshold);
                 }
-                self.facing(&motion)
+                let motion = hypotheses::facing(pairs, &motion, threshold);
+                let rival = hypotheses::rival(&judges, &motion, &all, threshold);
+                return (motion, rival);
             }
-        }
+        };
+        (hypotheses::facing(pairs, &start, threshold), None)
     }
 
     /// Refuses where a rotation explains the matches as well as the motion (or where only a rotation is above chance).
@@ -350,6 +351,7 @@ impl<'a> Problem<'a> {
     fn answer(
         &self,
         motion: &Motion,
+        rival: Option<Motion>,
         support: &Support<'_>,
         inliers: &Pairs,
         iterations: usize,
@@ -360,6 +362,10 @@ impl<'a> Problem<'a> {
         let spread = uncertainty(inliers, motion, scale * scale, threshold * threshold);
         RelativePose {
             cam_b_from_cam_a: Rigid3::new(rotation, Point3::from(motion.translation.normalize())),
+            rival: rival.map(|other| {
+                let rotation = Rotation3::from_matrix_unchecked(other.rotation);
+                Rigid3::new(rotation, Point3::from(other.translation.normalize()))
+            }),
             inliers: self.matches.iter().map(|m| support.agrees(&[m.a.x, m.a.y, m.b.x, m.b.y])).collect(),
             residual_rms: spread.rms,
             covariance: spread.covariance,

@@ -109,3 +109,22 @@ fn the_same_seed_gives_the_same_bits() {
     assert_eq!(first.cam_b_from_cam_a, second.cam_b_from_cam_a);
     assert_eq!(first.inliers, second.inliers);
 }
+
+/// A plane without relief has two motions: where both have it in front, the other one is named.
+#[test]
+fn the_second_motion_of_a_plane_is_named() {
+    let mut named = 0;
+    for seed in 0..20 {
+        let scene = Scene::new(&SceneKind::Planar, 600, seed).with_noise(0.3 / FOCAL).with_outliers(0.2);
+        let found = estimate(&scene.matches, &options(seed)).unwrap();
+        assert!(found.plane_share > 0.95, "{seed}: {}", found.plane_share);
+        let error = scene.direction_error_rad(&found.cam_b_from_cam_a).to_degrees();
+        let other = found.rival.map(|rival| scene.direction_error_rad(&rival).to_degrees());
+        named += usize::from(other.is_some());
+        assert!(error.min(other.unwrap_or(error)) < 3.0, "{seed}: {error} {other:?}");
+    }
+    assert!(named > 0 && named < 20, "{named}");
+    let relief =
+        Scene::new(&SceneKind::Nadir { relief_parallax: 2.0 / FOCAL }, 1000, 1).with_noise(0.3 / FOCAL);
+    assert!(estimate(&relief.matches, &options(0)).unwrap().rival.is_none());
+}

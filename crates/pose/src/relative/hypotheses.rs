@@ -1,12 +1,14 @@
 //! Starts of the refinement, and the choice among what they lead to.
 
+use crate::cheirality::{in_front, most_in_front};
 use crate::consensus::HomographySearch;
 use crate::decompose::{Motion, motions_of_essential, motions_of_homography};
 use crate::points::Pairs;
 use crate::ransac::{Estimator, Local, Score, Search, search};
 use crate::refine::{Loss, refine, robust_sigma};
 use crate::sampson;
-use nalgebra::{Matrix3, SymmetricEigen};
+use crate::solvers::homography_4pt::transfer_squared;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 /// Matches that a start is judged by; all take part in the last refinement.
 const MAX_TRIAL: usize = 1000;
@@ -18,6 +20,11 @@ const FINAL_STEPS: usize = 10;
 const FINAL_ROUNDS: usize = 3;
 /// Cauchy's constant for 95 % efficiency on normal noise.
 const CAUCHY: f64 = 2.385;
+/// Matches that vote on the signs of a motion.
+const VOTERS: usize = 200;
+/// Two motions are different if their directions are 5° apart, and as good if their costs differ by fewer sigmas than this.
+const RIVAL_COSINE: f64 = 0.996_194_698_091_745_5;
+const RIVAL_SIGMAS: f64 = 3.0;
 /// The dominant plane is looked for among this many inliers, with this many samples.
 const PLANE_MATCHES: usize = 600;
 const PLANE_ITERATIONS: usize = 60;
@@ -50,15 +57,15 @@ pub fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64) -> Motion {
     motion
 }
 
-/// Refines from the search's model, from the motions of the dominant plane and from the best rotation, and keeps the best by the truncated cost
-/// over all matches. [`last_rounds`] is still to come.
-pub fn best(
+/// Refines from the search's model, from the motions of the dominant plane and from the best rotation; the best by its cost over all
+/// matches comes first. [`last_rounds`] is still to come.
+pub fn candidates(
     pairs: &Pairs,
     found: &Matrix3<f64>,
     rotation: Option<&Matrix3<f64>>,
     plane: Option<&Matrix3<f64>>,
     threshold: f64,
-) -> Motion {
+) -> Vec<Motion> {
     let limit = threshold * threshold;
     let mut starts = vec![motions_of_essential(found)[0]];
     if let Some(plane) = plane {
@@ -67,23 +74,60 @@ pub fn best(
     starts.extend(rotation.and_then(|rotation| with_best_direction(pairs, rotation, found, threshold)));
     let trial = Pairs::new((0..pairs.len().min(MAX_TRIAL)).map(|i| pairs.at(i)));
     let loss = Loss::Cauchy { scale_squared: limit, cutoff_squared: f64::INFINITY };
-    let mut best = (f64::INFINITY, starts[0]);
-    for start in &starts {
-        if start.translation.norm() <= 0.0 {
-            continue;
-        }
-        let motion = refine(&trial, start, loss, TRIAL_STEPS).motion;
-        let cost = truncated_cost(pairs, &motion.essential(), limit);
-        if cost < best.0 {
-            best = (cost, motion);
-        }
-    }
-    best.1
+    let mut judged: Vec<(f64, Motion)> = starts
+        .iter()
+        .filter(|start| start.translation.norm() > 0.0)
+        .map(|start| facing(pairs, &refine(&trial, start, loss, TRIAL_STEPS).motion, threshold))
+        .map(|motion| (cost_in_front(pairs, &motion, limit), motion))
+        .collect();
+    judged.sort_by(|p, q| p.0.total_cmp(&q.0));
+    judged.into_iter().map(|(_, motion)| motion).collect()
 }
 
-/// `Σ min(r², limit)` in f64.
-pub fn truncated_cost(pairs: &Pairs, e: &Matrix3<f64>, limit: f64) -> f64 {
-    (0..pairs.len()).map(|i| sampson::distance(e, &pairs.a(i), &pairs.b(i)).powi(2).min(limit)).sum()
+/// The one of the four motions of an essential matrix that has its inliers in front.
+pub fn facing(pairs: &Pairs, motion: &Motion, threshold: f64) -> Motion {
+    let e = motion.essential();
+    let voters = (0..pairs.len())
+        .map(|i| (pairs.a(i), pairs.b(i)))
+        .filter(|(a, b)| sampson::distance(&e, a, b).abs() < threshold)
+        .take(VOTERS);
+    most_in_front(&motions_of_essential(&e), voters).0
+}
+
+/// `Σ min(r², limit)`, where a match behind a camera counts as an outlier.
+fn cost_in_front(pairs: &Pairs, motion: &Motion, limit: f64) -> f64 {
+    costs_in_front(pairs, motion, limit).sum()
+}
+
+fn costs_in_front(pairs: &Pairs, motion: &Motion, limit: f64) -> impl Iterator<Item = f64> {
+    let e = motion.essential();
+    (0..pairs.len()).map(move |i| {
+        let (a, b) = (pairs.a(i), pairs.b(i));
+        let squared = sampson::distance(&e, &a, &b).powi(2);
+        if squared < limit && in_front_or_far(motion, &a, &b, limit) { squared } else { limit }
+    })
+}
+
+/// True where a match is in front, or so near infinity that noise alone may put it behind.
+pub fn in_front_or_far(motion: &Motion, a: &Vector3<f64>, b: &Vector3<f64>, limit: f64) -> bool {
+    in_front(motion, a, b) || transfer_squared(&motion.rotation, &[a.x, a.y, b.x, b.y]) < 2.0 * limit
+}
+
+/// Another motion that explains the matches as well as the chosen one: a plane allows two.
+///
+/// The two look at different components of the same noise, so that their costs differ by chance even where both are true; the sum of the
+/// paired differences is compared with its own spread.
+/// # Source
+/// Vuong 1989, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57(2).
+pub fn rival(pairs: &Pairs, chosen: &Motion, others: &[Motion], threshold: f64) -> Option<Motion> {
+    let limit = threshold * threshold;
+    let differs = |motion: &Motion| motion.translation.normalize().dot(&chosen.translation) < RIVAL_COSINE;
+    others.iter().filter(|motion| differs(motion)).find_map(|motion| {
+        let refined = facing(pairs, &last_rounds(pairs, *motion, threshold), threshold);
+        let pairwise = costs_in_front(pairs, &refined, limit).zip(costs_in_front(pairs, chosen, limit));
+        let (sum, squares) = pairwise.fold((0.0, 0.0), |(s, q), (p, c)| (s + (p - c), q + (p - c) * (p - c)));
+        (differs(&refined) && sum < RIVAL_SIGMAS * squares.sqrt()).then_some(refined)
+    })
 }
 
 /// The direction that suits a rotation: perpendicular to every `b × R a`, which lie in the epipolar planes' normals.

@@ -1,6 +1,6 @@
 //! Which matches support a motion.
 
-use crate::cheirality::in_front;
+use super::hypotheses::in_front_or_far;
 use crate::decompose::Motion;
 use crate::degenerate::chance_share;
 use crate::points::Pairs;
@@ -75,9 +75,13 @@ impl<'a> Support<'a> {
         if !close || self.plane.is_some_and(|(h, bound)| transfer_squared(&h, pair) >= bound) {
             return false;
         }
-        // A point at infinity falls behind by noise alone: it still agrees.
-        in_front(self.motion, &a, &b)
-            || transfer_squared(&self.motion.rotation, pair) < 2.0 * self.threshold * self.threshold
+        in_front_or_far(self.motion, &a, &b, self.threshold * self.threshold)
+    }
+
+    /// The matches that are not far from the plane, whatever the motion says of them; all, where there is no such plane.
+    pub fn near_plane(&self, pairs: &Pairs) -> Pairs {
+        let near = |pair: &[f64; 4]| self.plane.is_none_or(|(h, bound)| transfer_squared(&h, pair) < bound);
+        Pairs::new((0..pairs.len()).map(|i| pairs.at(i)).filter(near))
     }
 
     /// The matches that agree.
