@@ -26,6 +26,21 @@ pub enum Error {
         /// What it holds.
         found: String,
     },
+    /// A camera for a picture of another size.
+    #[error(
+        "`{}` is a camera of {}×{}, the picture has {}×{}",
+        path.display(), camera[0], camera[1], picture[0], picture[1]
+    )]
+    CameraSize {
+        /// The camera's file.
+        path: PathBuf,
+        /// Columns and rows of the camera.
+        camera: [usize; 2],
+        /// Columns and rows of the picture.
+        picture: [usize; 2],
+        /// Whether the sides have the same proportion.
+        in_proportion: bool,
+    },
     /// A stream that stops inside a frame.
     #[error("`{}` ends inside a frame, after {num_whole} whole ones", path.display())]
     Truncated {
@@ -87,6 +102,12 @@ impl Error {
             Self::TooFewPoints { .. } => {
                 Some("the prediction is nearly empty: do the two pictures show the same ground?")
             }
+            Self::CameraSize { in_proportion: true, .. } => Some(
+                "if the picture was resized as a whole, give the camera of the resized picture, or say that it was",
+            ),
+            Self::CameraSize { .. } => Some(
+                "give the camera of this picture: a crop moves the principal point, and cannot be guessed",
+            ),
             Self::Raster(e) => e.hint(),
             _ => None,
         }

@@ -4,6 +4,7 @@
 // Allowed in `dispatch` only, to call what was compiled for an instruction set that the machine has.
 #![deny(unsafe_code)]
 
+pub mod camera_file;
 pub mod cloud;
 mod dispatch;
 pub mod error;
@@ -16,6 +17,7 @@ pub mod prediction;
 pub mod relative_pose;
 pub mod scale;
 pub mod subpixel;
+pub mod transform_file;
 pub mod view;
 
 pub use error::Error;
