@@ -7,10 +7,11 @@
 //! - **roughness** is the root mean square distance of the heights from the plane, along its normal:
 //!   `√(Σ r² / (m − 3)) · cos(slope)` over the `m` cells that hold a height (`m − 3`: three are spent on the plane).
 //!
-//! Errors of neighbouring cells are not independent, so the error of the slope is taken as that of two heights at
-//! opposite ends of the footprint, `σ_slope = √2 σ_h / L · cos²(slope)`, and the error of the roughness as `σ_h`
-//! itself, with `σ_h` the mean sigma in the square. With `k` = [`HazardOptions::sigmas`], a value `v` is *over* its limit if
-//! `v − k σ > limit`, *under* it if `v + k σ ≤ limit`, and cannot be told in between.
+//! The plane takes up what errors of neighbouring cells have in common, so the error of the slope is taken as that of two
+//! heights at opposite ends of the footprint, `σ_slope = √2 σ_h / L · cos²(slope)`; what is left to the residuals is
+//! independent, and the error of their root mean square is `σ_roughness = σ_h / √(m − 3)` (first order), with `σ_h` the
+//! mean sigma in the square. With `k` = [`HazardOptions::sigmas`], a value `v` is *over* its limit if `v − k σ > limit`,
+//! *under* it if `v + k σ ≤ limit`, and cannot be told in between.
 //!
 //! # Source
 //! The plane under the lander's footprint: Johnson, Klumpp, Collier & Wolf 2002, "Lidar-based hazard avoidance for safe
@@ -58,7 +59,7 @@ impl Hazard {
 pub struct HazardOptions {
     /// Steepest ground, degrees.
     pub max_slope_deg: f64,
-    /// Roughest ground in the grid's unit; `None` takes 2 % of the side of the square.
+    /// Roughest ground in the grid's unit; `None` takes 5 % of the side of the square.
     pub max_roughness_m: Option<f64>,
     /// Side of the lander's footprint in the grid's unit; `None` takes three cells. A smaller one than three cells cannot
     /// be judged from the grid and three cells are taken.
@@ -73,8 +74,8 @@ impl Default for HazardOptions {
     }
 }
 
-/// Roughness limit as a share of the footprint (0.3 m under a lander of 15 m).
-const ROUGHNESS_SHARE: f64 = 0.02;
+/// Roughness limit as a share of the footprint (half a metre under a lander of 10 m).
+const ROUGHNESS_SHARE: f64 = 0.05;
 /// A square with a smaller share of heights is unknown.
 const MIN_SHARE: f64 = 0.75;
 /// Largest side of the square, cells: larger footprints are refused rather than computed for minutes.
@@ -153,7 +154,7 @@ impl Limits {
         let cos = fit.slope_rad.cos();
         let slope_sigma = std::f64::consts::SQRT_2 * fit.sigma / self.footprint * cos * cos;
         let slope = self.against(fit.slope_rad, slope_sigma, self.max_slope_rad);
-        let roughness = self.against(fit.roughness, fit.sigma, self.max_roughness);
+        let roughness = self.against(fit.roughness, fit.roughness_sigma, self.max_roughness);
         match (slope, roughness) {
             (Some(true), Some(true)) => Hazard::Both,
             (Some(true), _) => Hazard::Slope,
@@ -217,6 +218,7 @@ fn column_sums(dem: &Dem, y: usize, reach: usize, with_sigma: bool) -> Vec<Sums>
 struct Fit {
     slope_rad: f64,
     roughness: f64,
+    roughness_sigma: f64,
     /// Mean sigma of the heights; 0 where there is none.
     sigma: f64,
 }
@@ -257,7 +259,8 @@ impl Fit {
         let tangent = (east / steps[0]).hypot(north / steps[1]);
         let slope_rad = tangent.atan();
         let roughness = (squares / (t.n - 3.0)).sqrt() * slope_rad.cos();
-        Some(Self { slope_rad, roughness, sigma: t.sigma / t.n })
+        let sigma = t.sigma / t.n;
+        Some(Self { slope_rad, roughness, roughness_sigma: sigma / (t.n - 3.0).sqrt(), sigma })
     }
 }
 

@@ -14,6 +14,7 @@ pub mod grid;
 pub mod hazard;
 pub mod matching;
 pub mod prediction;
+pub mod products;
 pub mod relative_pose;
 pub mod scale;
 pub mod subpixel;

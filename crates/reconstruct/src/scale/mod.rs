@@ -5,6 +5,7 @@
 
 pub mod altitude;
 pub mod dem;
+pub mod points;
 
 use crate::Error;
 use crate::prediction::Prediction;
