@@ -1,7 +1,7 @@
 //! Scale and place by known points: pixels of picture A whose places are known.
 //!
 //! The pointmap of view A is read at each pixel (bilinear), and the similarity of least squares that carries these points to the
-//! known places is taken; three points that are not on a line are enough, more of them show blunders.
+//! known places is taken; three points that are not on a line are enough, from five on blunders are left out.
 
 use super::{Placement, ScaleKind, World};
 use crate::Error;
@@ -41,8 +41,8 @@ pub struct PointsFit {
     pub inlier_share: f64,
 }
 
-/// Rounds in which points further off than three times the median are left out.
-const REFITS: usize = 5;
+/// From this many points on a blunder can be told from the rest: three fix a similarity, two must agree with it.
+const MIN_ROBUST: usize = 5;
 
 impl KnownPoints {
     /// Reads a CSV with a header: `u_px,v_px` and either `x_m,y_m,z_m` or `latitude_deg,longitude_deg,height_m` (then a
@@ -150,7 +150,13 @@ fn similarity_of<To: Frame>(
     let predicted: Vec<Point3<f64>> =
         known.points.iter().map(|point| point_at(prediction, point.pixel).unwrap_or(nowhere)).collect();
     let places: Vec<Point3<f64>> = known.points.iter().map(|point| point.place).collect();
-    let found = similarity::trimmed::<To, PredA>(&predicted, &places, REFITS).map_err(|e| match e {
+    let num_found = predicted.iter().filter(|p| p.x.is_finite()).count();
+    let found = if num_found < MIN_ROBUST {
+        similarity::trimmed::<To, PredA>(&predicted, &places, 0)
+    } else {
+        similarity::estimate(&predicted, &places, &similarity::SimilarityOptions::default())
+    };
+    let found = found.map_err(|e| match e {
         similarity::CannotAlign::TooFewPairs { found } => {
             Error::TooFewPoints { what: "scale from known points", needed: 3, found }
         }
