@@ -17,6 +17,11 @@ How ISIS sees the frame, and how that becomes ours:
   ideal = (x, y) (1 + k1 r2 + k2 r4 + k3 r6) + (j1 r2 + j2 r4) (-sin t0, cos t0).
 * ours (Brown, as OpenCV) leads from the ideal point to the measured one: it is fitted here by least squares over the crop, and the
   residual is printed. The decentering has only two terms in Brown's form, so a residual remains; it is far below a pixel.
+
+What `--check` finds for AS15-M-0297 and 0298 (rev 16, over the far side at 20 S, 145 E): matches lie 2.6 px (of the crop, 42 of the scan)
+beside the epipolar lines of the labels, all to the same side, and 0.3 px about that. A turn of one frame by 0.15 degrees about the baseline
+takes it away: it is an error of the labels' pointing, or of where the scan lies on the film, not of the convention. Heights triangulated
+with the labels follow the 4 px/degree global map (correlation 0.94) but lie 1.4 km too high.
 """
 import argparse
 import json
@@ -36,7 +41,7 @@ def numbers(text):
 class Frame:
     """One cropped frame, as ISIS has it."""
 
-    def __init__(self, name, label, inverse=False):
+    def __init__(self, name, label):
         naif, crop, derived = label["naif"], label["crop"], label["derived"]
         key = lambda word: numbers(next(v for k, v in naif.items() if k.endswith(word)))
         self.name = name
