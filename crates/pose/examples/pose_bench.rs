@@ -11,6 +11,7 @@ use std::time::Instant;
 const FOCAL: f64 = 618.0;
 const TRIALS: u64 = 40;
 const MATCHES: usize = 2000;
+const REPEATS: usize = 5;
 
 fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
@@ -82,9 +83,15 @@ fn main() -> std::io::Result<()> {
                     order: Order::Random,
                     ..RelativeOptions::default()
                 };
-                let start = Instant::now();
+                // The shortest of several runs: what the machine does besides only adds.
+                let mut shortest = f64::INFINITY;
+                for _ in 0..REPEATS {
+                    let start = Instant::now();
+                    std::hint::black_box(estimate(&scene.matches, &options).is_ok());
+                    shortest = shortest.min(start.elapsed().as_secs_f64() * 1e3);
+                }
+                times.push(shortest);
                 let found = estimate(&scene.matches, &options);
-                times.push(start.elapsed().as_secs_f64() * 1e3);
                 if let Ok(found) = found {
                     rotations.push(scene.rotation_error_rad(&found.cam_b_from_cam_a).to_degrees());
                     directions.push(scene.direction_error_rad(&found.cam_b_from_cam_a).to_degrees());

@@ -94,7 +94,7 @@ fn between(
         let high = if i < critical.len() { critical[i] } else { 1.0 };
         let value_high = value(p, k, high);
         if value_low * value_high < 0.0 {
-            count = push(out, count, bracketed(p, k, low, high, value_low, tolerance));
+            count = push(out, count, bracketed(p, k, [low, high], [value_low, value_high], tolerance));
         } else if value_high == 0.0
             || (last && i < critical.len() && value_high.abs() < TOUCH * magnitude(p, k, high))
         {
@@ -122,16 +122,12 @@ fn magnitude(p: &[f64; MAX_DEGREE + 1], k: usize, x: f64) -> f64 {
 }
 
 /// The root in a bracket whose ends have different signs: Newton, and bisection where Newton leaves the bracket.
-fn bracketed(
-    p: &[f64; MAX_DEGREE + 1],
-    k: usize,
-    low: f64,
-    high: f64,
-    value_low: f64,
-    tolerance: f64,
-) -> f64 {
-    let (mut low, mut high) = (low, high);
-    let mut x = 0.5 * (low + high);
+fn bracketed(p: &[f64; MAX_DEGREE + 1], k: usize, ends: [f64; 2], values: [f64; 2], tolerance: f64) -> f64 {
+    let [mut low, mut high] = ends;
+    let value_low = values[0];
+    // Where the chord crosses, kept off the ends.
+    let share = (values[0] / (values[0] - values[1])).clamp(0.05, 0.95);
+    let mut x = low + share * (high - low);
     for _ in 0..MAX_STEPS {
         let (mut f, mut slope) = (p[k], 0.0);
         for i in (0..k).rev() {

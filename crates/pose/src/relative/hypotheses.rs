@@ -11,7 +11,7 @@ use crate::solvers::homography_4pt::transfer_squared;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 /// Matches that a start is judged by; all take part in the last refinement.
-const MAX_TRIAL: usize = 1000;
+const MAX_TRIAL: usize = 800;
 /// Steps of a trial: from any of the starts the cost has settled by then.
 const TRIAL_STEPS: usize = 8;
 /// Steps of the last refinement, for each of its rounds.
@@ -122,11 +122,16 @@ pub fn in_front_or_far(motion: &Motion, a: &Vector3<f64>, b: &Vector3<f64>, limi
 pub fn rival(pairs: &Pairs, chosen: &Motion, others: &[Motion], threshold: f64) -> Option<Motion> {
     let limit = threshold * threshold;
     let differs = |motion: &Motion| motion.translation.normalize().dot(&chosen.translation) < RIVAL_COSINE;
-    others.iter().filter(|motion| differs(motion)).find_map(|motion| {
-        let refined = facing(pairs, &last_rounds(pairs, *motion, threshold), threshold);
-        let pairwise = costs_in_front(pairs, &refined, limit).zip(costs_in_front(pairs, chosen, limit));
+    let equals = |motion: &Motion, sigmas: f64| {
+        let pairwise = costs_in_front(pairs, motion, limit).zip(costs_in_front(pairs, chosen, limit));
         let (sum, squares) = pairwise.fold((0.0, 0.0), |(s, q), (p, c)| (s + (p - c), q + (p - c) * (p - c)));
-        (differs(&refined) && sum < RIVAL_SIGMAS * squares.sqrt()).then_some(refined)
+        sum < sigmas * f64::sqrt(squares)
+    };
+    // Most are out of the question before they are refined.
+    let possible = |motion: &&Motion| differs(motion) && equals(motion, 3.0 * RIVAL_SIGMAS);
+    others.iter().filter(possible).find_map(|motion| {
+        let refined = facing(pairs, &last_rounds(pairs, *motion, threshold), threshold);
+        (differs(&refined) && equals(&refined, RIVAL_SIGMAS)).then_some(refined)
     })
 }
 
