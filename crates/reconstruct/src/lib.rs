@@ -17,8 +17,10 @@ pub mod prediction;
 pub mod products;
 pub mod relative_pose;
 pub mod scale;
+pub mod stereo;
 pub mod subpixel;
 pub mod transform_file;
+pub mod triangulate;
 pub mod view;
 
 pub use error::Error;

@@ -1,0 +1,188 @@
+//! Dense stereo of two views with a known relative pose: one inverse depth a pixel, in both views.
+//!
+//! The unknown is the inverse z-depth along each pixel's ray, so that nothing needs to be rectified: a pixel with ray `r` and
+//! inverse depth `ρ` is seen by the other camera along `R r + t ρ`, whatever the roll, tilt or scale between the two.
+//! A plane through the seed matches is affine in ray coordinates; what is estimated is the bend over it. Coarse to fine, the
+//! other picture is warped here through the present surface (a full warp: the window follows the ground), both are normalised
+//! locally, and the linearised difference, gathered over a small window, is solved together with a thin plate.
+//!
+//! # Source
+//! Bruhn, Weickert & Schnörr 2005, "Lucas/Kanade meets Horn/Schunck", IJCV 61(3); the second-order prior in the sense of
+//! Trobin et al. 2008, "An unbiased second-order prior for high-accuracy motion estimation", DAGM.
+
+mod estimate;
+mod filter;
+mod level;
+mod outcome;
+mod seeds;
+mod solver;
+mod term;
+mod warp;
+
+pub use outcome::{Dense, DenseView};
+pub use seeds::Seed;
+
+use crate::View;
+use selenograph_geometry::{CamA, CamB, Rigid3};
+use serde::{Deserialize, Serialize};
+
+/// What is given where nothing was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Completion {
+    /// Nothing.
+    None,
+    /// Shadows and hidden ground that lie in both frames and near measured ground are bridged by the plate.
+    #[default]
+    Holes,
+    /// Every pixel, also outside the overlap, where the surface is carried on.
+    Everywhere,
+}
+
+/// Settings of dense stereo. The defaults were chosen on rendered pairs, not on any real or public sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StereoOptions {
+    /// Smaller side of the coarsest picture, pixels: as many halvings as keep it.
+    pub coarsest_px: usize,
+    /// Gaussian that both pictures are smoothed with, pixels.
+    pub presmooth_px: f32,
+    /// Standard deviation of the window in which gain and offset are removed, pixels.
+    pub normalise_sigma_px: f32,
+    /// Standard deviation of the window in which the data term is gathered, pixels.
+    pub window_sigma_px: f32,
+    /// Grey-level noise, as a share of the picture's standard deviation: contrast below it counts less.
+    pub noise_floor: f32,
+    /// Residual of the normalised grey levels that counts half.
+    pub robust_scale: f32,
+    /// Weight of the thin plate against the data.
+    pub smoothness: f32,
+    /// Warps at each level.
+    pub warps: usize,
+    /// Conjugate-gradient steps per warp.
+    pub iterations: usize,
+    /// Difference of the two views' surfaces, in pixels of parallax, beyond which a pixel counts as hidden.
+    pub consistency_px: f32,
+    /// Levels from this one on do not look for hidden pixels (0 is the finest).
+    pub hidden_from_level: usize,
+    /// Power of the cosine of the emission angle that the plate's stiffness falls with.
+    pub grazing_power: f32,
+    /// Curvature (change of slope per pixel) at which the plate gives way.
+    pub crease: f32,
+    /// How much it gives way: 0 not at all, 0.5 as a total variation, 1 as a Cauchy prior.
+    pub crease_power: f32,
+    /// Standard deviation, in pixels of height (z-depth over focal length), up to which a pixel counts as measured.
+    pub measured_sigma: f32,
+    /// What the computed standard deviations are multiplied by: calibrated on rendered pairs.
+    pub sigma_scale: f32,
+    /// What is given where nothing was measured.
+    pub completion: Completion,
+    /// Weight of the thin plate against the seed matches.
+    pub seed_smoothness: f32,
+}
+
+impl Default for StereoOptions {
+    fn default() -> Self {
+        Self {
+            coarsest_px: 60,
+            presmooth_px: 0.5,
+            normalise_sigma_px: 4.0,
+            window_sigma_px: 1.0,
+            noise_floor: 0.05,
+            robust_scale: 0.5,
+            smoothness: 1.0,
+            warps: 5,
+            iterations: 10,
+            consistency_px: 1.0,
+            hidden_from_level: 2,
+            grazing_power: 3.0,
+            crease: 0.1,
+            crease_power: 0.5,
+            measured_sigma: 1.5,
+            sigma_scale: 1.0,
+            completion: Completion::Holes,
+            seed_smoothness: 0.01,
+        }
+    }
+}
+
+/// Why there is no dense answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Too few seed matches meet in front of both cameras.
+    #[error("{found} seed matches meet in front of both cameras, at least {needed} are needed")]
+    TooFewSeeds {
+        /// Seeds that can be used.
+        found: usize,
+        /// Seeds that are needed.
+        needed: usize,
+    },
+    /// The picture and the camera have different sizes, or the picture is too small.
+    #[error("a picture of {found} where {expected} is expected")]
+    Size {
+        /// What was expected.
+        expected: String,
+        /// What was found.
+        found: String,
+    },
+    /// The motion has no baseline.
+    #[error("no baseline between the views: there is no parallax to measure")]
+    NoBaseline,
+}
+
+impl Error {
+    /// What to do about it.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::TooFewSeeds { .. } => {
+                "use more features, or check that the relative pose belongs to these pictures"
+            }
+            Self::Size { .. } => "the camera must be that of the picture; both sides need 16 pixels",
+            Self::NoBaseline => "depth needs two places of the camera",
+        }
+    }
+}
+
+/// Fewest seeds that fix a plane with one to spare.
+const MIN_SEEDS: usize = 4;
+/// Smallest side of a picture.
+const MIN_SIDE: usize = 16;
+
+/// Depth of both views from a relative pose and seed matches.
+///
+/// # Shapes and units
+/// Depths and their sigmas are in the unit of the motion's translation. Memory: about 150 bytes a pixel of each view while it
+/// runs (5 GB for two pictures of 4096²).
+/// # Errors
+/// [`Error`], if there is nothing to start from. A pair that shares no ground is no error: its confidence is 0.
+pub fn dense(
+    a: &View,
+    b: &View,
+    cam_b_from_cam_a: &Rigid3<CamB, CamA>,
+    seeds: &[Seed],
+    options: &StereoOptions,
+) -> Result<Dense, Error> {
+    for view in [a, b] {
+        let (width, height) = (view.image.width, view.image.height);
+        if (width, height) != (view.camera.width, view.camera.height) || width.min(height) < MIN_SIDE {
+            return Err(Error::Size {
+                expected: format!("{}×{} (at least {MIN_SIDE})", view.camera.width, view.camera.height),
+                found: format!("{width}×{height}"),
+            });
+        }
+    }
+    let baseline = cam_b_from_cam_a.origin().coords.norm();
+    if baseline == 0.0 || !baseline.is_finite() {
+        return Err(Error::NoBaseline);
+    }
+    let points = seeds::points(seeds, &a.camera, &b.camera, cam_b_from_cam_a);
+    let found = points[0].len().min(points[1].len());
+    let too_few = Error::TooFewSeeds { found, needed: MIN_SEEDS };
+    if found < MIN_SEEDS {
+        return Err(too_few);
+    }
+    let mut estimate = estimate::Estimate::start(a, b, cam_b_from_cam_a, &points, options).ok_or(too_few)?;
+    estimate.run(options);
+    Ok(outcome::assemble(&estimate, cam_b_from_cam_a, options))
+}

@@ -1,0 +1,140 @@
+//! The first surface: a robust plane in inverse depth through the seed matches, and a smooth bend on top.
+
+use super::level::ViewLevel;
+use super::solver::Solver;
+use super::warp::Motion;
+use crate::triangulate;
+use selenograph_geometry::{CamA, CamB, Camera, Frame, Point2, Rigid3, Vector3, pixel};
+use selenograph_raster::Raster;
+
+/// A match in pixel coordinates of A and B (first pixel's centre at (0.5, 0.5)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seed {
+    /// In A.
+    pub a: Point2<f64>,
+    /// In B.
+    pub b: Point2<f64>,
+}
+
+/// A seed as an inverse z-depth along a ray.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SeedPoint {
+    /// The ray, `x/z` and `y/z`.
+    pub ray: [f64; 2],
+    /// Inverse z-depth, in the unit of the motion's translation.
+    pub rho: f64,
+    /// Pixels that the other view's image moves for a change of `rho` by its own size.
+    pub px_per_share: f64,
+}
+
+/// Seeds as inverse depths in both views; those that do not meet in front of both cameras are left out.
+pub(crate) fn points(
+    seeds: &[Seed],
+    a: &Camera,
+    b: &Camera,
+    cam_b_from_cam_a: &Rigid3<CamB, CamA>,
+) -> [Vec<SeedPoint>; 2] {
+    let back = cam_b_from_cam_a.inverse();
+    let forth = |s: &Seed| point(&a.ray_z1(&s.a)?, &b.ray_z1(&s.b)?, cam_b_from_cam_a, b.fx);
+    let returned = |s: &Seed| point(&b.ray_z1(&s.b)?, &a.ray_z1(&s.a)?, &back, a.fx);
+    [seeds.iter().filter_map(forth).collect(), seeds.iter().filter_map(returned).collect()]
+}
+
+fn point<To: Frame, From: Frame>(
+    ray: &Vector3<f64>,
+    seen: &Vector3<f64>,
+    to_from: &Rigid3<To, From>,
+    focal_px: f64,
+) -> Option<SeedPoint> {
+    let found = triangulate::along_ray(ray, seen, to_from)?;
+    let px_per_share = found.image_per_rho * found.rho * focal_px;
+    Some(SeedPoint { ray: [ray.x, ray.y], rho: found.rho, px_per_share })
+}
+
+/// `ρ = c0 + c1 x + c2 y` over ray coordinates: a plane in space.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plane(pub [f64; 3]);
+
+impl Plane {
+    /// The inverse z-depth along a ray.
+    pub(crate) fn at(&self, ray: [f64; 2]) -> f64 {
+        self.0[0] + self.0[1] * ray[0] + self.0[2] * ray[1]
+    }
+
+    /// The plane that most seeds lie near: least squares with weights that forget outliers.
+    pub(crate) fn through(points: &[SeedPoint]) -> Option<Self> {
+        let mut rhos: Vec<f64> = points.iter().map(|p| p.rho).collect();
+        rhos.sort_by(f64::total_cmp);
+        let median = *rhos.get(rhos.len() / 2)?;
+        let mut plane = Self([median, 0.0, 0.0]);
+        for step in 0..20 {
+            let mut residuals: Vec<f64> = points.iter().map(|p| (p.rho - plane.at(p.ray)).abs()).collect();
+            residuals.sort_by(f64::total_cmp);
+            let scale = (1.5 * residuals[residuals.len() / 2]).max(1e-6 * median);
+            let mut normal = nalgebra::Matrix3::<f64>::identity() * 1e-9;
+            let mut right = Vector3::zeros();
+            for p in points {
+                // The first step starts from a constant and must not take a slope for outliers.
+                let share = if step == 0 { 0.0 } else { (p.rho - plane.at(p.ray)) / (2.0 * scale) };
+                let weight = 1.0 / (1.0 + share * share).powi(2);
+                let basis = Vector3::new(1.0, p.ray[0], p.ray[1]);
+                normal += weight * basis * basis.transpose();
+                right += weight * basis * p.rho;
+            }
+            let c = normal.cholesky()?.solve(&right);
+            plane = Self([c.x, c.y, c.z]);
+        }
+        Some(plane)
+    }
+}
+
+/// The bend of the surface over `plane` at a level, from seeds: thin plate with robust point weights.
+///
+/// `unit` is the length that makes inverse depths ones; the result is in pixels of height of that level.
+pub(crate) fn bend(
+    points: &[SeedPoint],
+    plane: &Plane,
+    level: &ViewLevel,
+    unit: f64,
+    smoothness: f32,
+) -> Raster<f32> {
+    let (width, height) = (level.width, level.height);
+    let focal = f64::from(level.camera.fx);
+    let mut q = Raster::filled(width, height, 0.0f32);
+    let mut solver = Solver::new(width, height);
+    let stiffness = Raster::filled(width, height, smoothness);
+    let camera = &level.camera;
+    let cells: Vec<(usize, f32, f32)> = points
+        .iter()
+        .filter_map(|p| {
+            let (xd, yd) = camera.lens.map_or((p.ray[0], p.ray[1]), |lens| lens.distort(p.ray[0], p.ray[1]));
+            let x = pixel::index_of(f64::from(camera.fx) * xd + f64::from(camera.cx));
+            let y = pixel::index_of(f64::from(camera.fy) * yd + f64::from(camera.cy));
+            let inside = x >= 0 && y >= 0 && (x as usize) < width && (y as usize) < height;
+            let value = (p.rho - plane.at(p.ray)) * unit * focal;
+            // Pixels of the full picture for a pixel of height here.
+            let gain = p.px_per_share / (p.rho * unit * focal);
+            inside.then(|| (y as usize * width + x as usize, value as f32, gain as f32))
+        })
+        .collect();
+    // A seed that misses the surface by this many pixels counts half.
+    const OUTLIER_PX: f32 = 3.0;
+    for step in 0..6 {
+        let mut weight = vec![1e-9f32; width * height];
+        let mut right = vec![0.0f32; width * height];
+        for &(at, value, gain) in &cells {
+            // The flat start must not take relief for outliers.
+            let miss = if step == 0 { 0.0 } else { (value - q.data[at]) * gain / OUTLIER_PX };
+            let w = gain * gain / (1.0 + miss * miss);
+            weight[at] += w;
+            right[at] += w * value;
+        }
+        solver.solve(&mut q, &weight, &right, &stiffness, 60, 1e-3);
+    }
+    q
+}
+
+/// The motion in each direction, each in the unit of the view that it starts from.
+pub(crate) fn motions(cam_b_from_cam_a: &Rigid3<CamB, CamA>, units: [f64; 2]) -> [Motion; 2] {
+    [Motion::new(cam_b_from_cam_a, units[0]), Motion::new(&cam_b_from_cam_a.inverse(), units[1])]
+}

@@ -1,0 +1,98 @@
+//! One point from two rays with a known motion between the cameras.
+
+use selenograph_geometry::{Frame, Rigid3, Vector3};
+
+/// A point on a ray, with what the other camera says of it. Image lengths are on the plane `z = 1` of the other camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnRay {
+    /// Inverse z-depth in the camera that the ray belongs to, in the inverse unit of the motion's translation.
+    pub rho: f64,
+    /// How far the point's image in the other camera moves for a unit of `rho`.
+    pub image_per_rho: f64,
+    /// Distance of the other camera's ray from the epipolar line: what no point on the ray explains.
+    pub miss: f64,
+}
+
+impl OnRay {
+    /// z-depth, in the unit of the motion's translation.
+    pub fn depth_z(&self) -> f64 {
+        1.0 / self.rho
+    }
+
+    /// Standard deviation of the z-depth when the match has a standard deviation of `sigma_image` along the epipolar line, on
+    /// the plane `z = 1` (pixels over the focal length).
+    pub fn sigma_z(&self, sigma_image: f64) -> f64 {
+        sigma_image / (self.image_per_rho * self.rho * self.rho)
+    }
+
+    /// Angle between the two rays, roughly: the parallax of the point against a point at infinity, radians.
+    pub fn parallax(&self) -> f64 {
+        self.image_per_rho * self.rho
+    }
+}
+
+/// Newton steps after the linear start: the image distance is nearly linear in inverse depth.
+const STEPS: usize = 3;
+
+/// The point on `ray` (with `z = 1`) whose image in the other camera is nearest to `seen` (its ray, with `z = 1`); `None` if the
+/// two do not meet in front of both cameras, or nothing fixes where.
+///
+/// # Source
+/// Lindstrom 2010, "Triangulation made easy", CVPR, treats both images alike; here one of them is a pixel's own ray and exact.
+pub fn along_ray<To: Frame, From: Frame>(
+    ray: &Vector3<f64>,
+    seen: &Vector3<f64>,
+    to_from: &Rigid3<To, From>,
+) -> Option<OnRay> {
+    let (turned, t) = (to_from.vector(ray), to_from.origin().coords);
+    // (turned + t ρ) × seen = 0 first, then the distance in the image as it is.
+    let (constant, linear) = (turned.cross(seen), t.cross(seen));
+    let mut rho = -constant.dot(&linear) / linear.norm_squared();
+    let image = |rho: f64| {
+        let x = turned + t * rho;
+        let (u, v) = (x.x / x.z, x.y / x.z);
+        (x.z, u, v, (t.x - u * t.z) / x.z, (t.y - v * t.z) / x.z)
+    };
+    for _ in 0..STEPS {
+        let (_, u, v, du, dv) = image(rho);
+        rho -= ((u - seen.x) * du + (v - seen.y) * dv) / (du * du + dv * dv);
+    }
+    let (z, u, v, du, dv) = image(rho);
+    let found = OnRay { rho, image_per_rho: du.hypot(dv), miss: (u - seen.x).hypot(v - seen.y) };
+    (rho.is_finite() && rho > 0.0 && z > 0.0).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selenograph_geometry::{CamA, CamB, Point3, Rotation3};
+
+    fn motion() -> Rigid3<CamB, CamA> {
+        Rigid3::new(Rotation3::from_euler_angles(0.05, -0.1, 2.0), Point3::new(0.3, -0.4, 0.2))
+    }
+
+    #[test]
+    fn the_point_that_made_the_rays_is_found_and_sigma_is_the_derivative() {
+        let b_from_a = motion();
+        let ray = Vector3::new(0.2, -0.1, 1.0);
+        let seen_of = |z: f64| {
+            let x = b_from_a.point(&Point3::from(ray * z)).coords;
+            x / x.z
+        };
+        let found = along_ray(&ray, &seen_of(7.0), &b_from_a).unwrap();
+        assert!((found.depth_z() - 7.0).abs() < 1e-9 && found.miss < 1e-12);
+        let step = 1e-4;
+        let moved = (seen_of(7.0 + step) - seen_of(7.0)).norm();
+        assert!((found.sigma_z(moved) / step - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn rays_that_part_or_have_no_baseline_give_nothing() {
+        let b_from_a = motion();
+        let ray = Vector3::new(0.2, -0.1, 1.0);
+        let behind = b_from_a.point(&Point3::from(ray * -3.0)).coords;
+        assert!(along_ray(&ray, &(behind / behind.z), &b_from_a).is_none());
+        let turn = Rigid3::<CamB, CamA>::new(Rotation3::from_euler_angles(0.1, 0.0, 0.0), Point3::origin());
+        assert!(along_ray(&ray, &Vector3::new(0.1, 0.1, 1.0), &turn).is_none());
+    }
+}
