@@ -16,7 +16,7 @@ use selenograph_dataset::import::{StereoPair, selenograph, stereolunar};
 use selenograph_geometry::{CamA, CamB, PixelConvention, Point2, Point3, Rigid3, pixel};
 use selenograph_raster::{Raster, codec::png, resample};
 use selenograph_reconstruct::stereo::{self, Dense, Seed, StereoOptions};
-use selenograph_reconstruct::{Fill, View};
+use selenograph_reconstruct::{Fill, View, relative_pose};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -25,6 +25,7 @@ struct Args {
     lights: Vec<usize>,
     out: Option<PathBuf>,
     serial: bool,
+    estimated: bool,
     options: StereoOptions,
 }
 
@@ -36,6 +37,7 @@ fn main() {
         lights: vec![0, 1, 2],
         out: None,
         serial: false,
+        estimated: false,
         options: StereoOptions::default(),
     };
     let mut settings = toml::Table::try_from(&args.options).unwrap();
@@ -45,6 +47,7 @@ fn main() {
             "pairs" => args.pairs = value.split(',').map(|v| v.parse().unwrap()).collect(),
             "lights" => args.lights = value.split(',').map(|v| v.parse().unwrap()).collect(),
             "out" => args.out = Some(value.into()),
+            "pose" => args.estimated = value == "sift",
             "serial" => args.serial = value == "1",
             _ => {
                 let old = settings.get(key).unwrap_or_else(|| panic!("no setting {key}"));
@@ -177,6 +180,13 @@ fn one(name: &str, pair: &StereoPair, light: usize, args: &Args) -> Row {
     let unit = Rigid3::from_matrix(&b_from_a.rotation(), b_from_a.origin() / length).unwrap();
     let seeds = seeds(pair, &truth, light);
     let views = [view(pair, 0, light), view(pair, 1, light)];
+    let (unit, seeds) = if args.estimated {
+        let found = relative_pose::sift(&views[0], &views[1], &Default::default()).unwrap();
+        let inliers = found.matches.iter().filter(|m| m.inlier);
+        (found.pose.cam_b_from_cam_a, inliers.map(|m| Seed { a: m.a, b: m.b }).collect())
+    } else {
+        (unit, seeds)
+    };
     let start = Instant::now();
     let dense = stereo::dense(&views[0], &views[1], &unit, &seeds, &args.options).unwrap();
     let seconds = start.elapsed().as_secs_f64();
