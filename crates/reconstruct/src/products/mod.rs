@@ -5,6 +5,7 @@
 
 mod arrays;
 mod tif;
+mod transform;
 
 use crate::cloud::{self, Cloud, CloudOptions};
 use crate::grid::lift::Lifted;
@@ -259,6 +260,10 @@ fn tasks(input: &ProductInput) -> Vec<Task> {
         Task { name: "cloud.glb", write: |path, _, p| write_whole(path, &cloud::glb::encode(&p.cloud)) },
         Task { name: "hazard.tif", write: |path, _, p| tif::write_classes(path, &p.dem, &p.hazard.classes) },
     ];
+    tasks.push(Task {
+        name: "transform.json",
+        write: |path, _, p| write_whole(path, transform::transform(&p.dem)?.as_bytes()),
+    });
     if input.matches.is_some() {
         tasks.push(Task {
             name: "matches.npz",

@@ -1,6 +1,7 @@
 use super::*;
 use crate::prediction::PredictedView;
 use crate::scale::{ScaleSource, World, place};
+use crate::transform_file;
 use selenograph_geometry::{
     Body, BodyFixed, Camera, Geodetic, Point2, Point3, Rigid3, Vector3, lookat, pixel,
 };
@@ -65,7 +66,7 @@ fn every_file_is_there_and_can_be_read() {
         assert_eq!(summary, products.summary);
         assert_eq!(summary.metric, metric);
         assert_eq!(summary.crs.is_some(), name == "map");
-        assert_eq!(summary.files.len(), 10);
+        assert_eq!(summary.files.len(), 11);
         for file in &summary.files {
             assert_eq!(
                 std::fs::metadata(folder.join(&file.name)).unwrap().len(),
@@ -75,8 +76,11 @@ fn every_file_is_there_and_can_be_read() {
             );
         }
         let leftovers = std::fs::read_dir(&folder).unwrap().count();
-        assert_eq!(leftovers, 11, "files beside those of the summary");
+        assert_eq!(leftovers, 12, "files beside those of the summary");
         assert!(summary.measured[0] > 0.8 && summary.completed[0] > 0.1);
+        let alignment = transform_file::read_alignment(&folder.join("transform.json")).unwrap();
+        assert_eq!(alignment.world, if name == "map" { "moon_me" } else { "local" });
+        assert!((alignment.world_from_pred.scale() - summary.scale).abs() < 1e-12 * summary.scale);
         let shares = &summary.hazard;
         let total = shares.safe + shares.slope + shares.roughness + shares.both + shares.unknown;
         assert!((total - 1.0).abs() < 1e-9);
