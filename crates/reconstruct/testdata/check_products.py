@@ -16,6 +16,7 @@ import laspy
 import numpy as np
 import pygltflib
 import rasterio
+import rasterio.warp
 from plyfile import PlyData
 
 folder = Path(sys.argv[1])
@@ -58,9 +59,14 @@ dem = rasters["dem"].astype(float)
 transform, crs_wkt = rasters["place"][2], rasters["place"][3]
 assert (np.isnan(dem) == (rasters["hazard"] == 0)).all()
 if summary["crs"]:
-    wkt = rasterio.crs.CRS.from_wkt(next(r.string for r in las.header.vlrs if r.record_id == 2112))
-    assert wkt == rasterio.crs.CRS.from_string(summary["crs"]), wkt
-    assert rasterio.crs.CRS.from_wkt(crs_wkt) == rasterio.crs.CRS.from_string(summary["crs"])
+    proj = rasterio.crs.CRS.from_string(summary["crs"])
+    las_wkt = next(r.string for r in las.header.vlrs if r.record_id == 2112)
+    left, lower, right, upper = summary["extent"]
+    xs, ys = [left, right, left], [lower, upper, upper]
+    # Names differ; what counts is that every place has the same coordinates.
+    for text in [las_wkt, crs_wkt]:
+        back = rasterio.warp.transform(rasterio.crs.CRS.from_wkt(text), proj, xs, ys)
+        assert np.abs(np.array(back) - [xs, ys]).max() < 1e-6, text
 
 cell = transform.a
 n, s = dem[:-2], dem[2:]
