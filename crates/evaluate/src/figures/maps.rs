@@ -54,14 +54,13 @@ impl Maps {
         Colormap::Grey.paint(&self.shade, 0.0, 1.0)
     }
 
-    /// World Z along the central row, over its mean, metres.
+    /// World Z along the central row, metres.
     pub fn profile_m(&self) -> Vec<f64> {
         if self.world_z_m.height == 0 {
-            return Vec::new();
+            Vec::new()
+        } else {
+            self.world_z_m.row(self.world_z_m.height / 2).to_vec()
         }
-        let row = self.world_z_m.row(self.world_z_m.height / 2);
-        let mean = statistics::summary(row.iter().copied()).map_or(0.0, |summary| summary.mean);
-        row.iter().map(|z| z - mean).collect()
     }
 }
 

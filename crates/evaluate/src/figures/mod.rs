@@ -10,8 +10,8 @@ use crate::dataset_source::{LoadedPair, Source};
 use crate::method::Method;
 use crate::pair_metrics::{self, Reference, Region};
 use maps::Maps;
-use selenograph_raster::Raster;
 use selenograph_raster::codec::png;
+use selenograph_raster::{Raster, statistics};
 use selenograph_report::chart::{Profile, profile};
 use selenograph_report::figure::Grid;
 use selenograph_report::{Axis, Figure, Picture};
@@ -166,13 +166,17 @@ fn assemble(
         grid.row(title, cells);
     }
     let truth = drawn.first().map(|d| d.maps.profile_m()).unwrap_or_default();
+    // One offset for both curves: a biased prediction shows its bias.
+    let mean = statistics::summary(truth.iter().copied()).map_or(0.0, |summary| summary.mean);
+    let over_mean = |profile: Vec<f64>| profile.into_iter().map(|z| z - mean).collect::<Vec<_>>();
+    let truth = over_mean(truth);
     let columns: Vec<f64> = (0..truth.len()).map(|x| x as f64).collect();
     let profiles = drawn.iter().skip(1).map(|d| {
-        let prediction = d.maps.profile_m();
+        let prediction = over_mean(d.maps.profile_m());
         let chart = profile(
             &format!("Central row, {}", d.name),
             Axis::new("column (px)"),
-            Axis::new("world Z over its mean (m)"),
+            Axis::new("world Z over the true mean (m)"),
             &Profile { distance: &columns, truth: Some(&truth), prediction: &prediction, sigma: None },
         );
         (d.name, chart.svg())
