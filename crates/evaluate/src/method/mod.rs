@@ -20,6 +20,8 @@ pub enum Method {
     Orb,
     /// SIFT, robust estimation, subpixel windows, refinement: pose only.
     Sift,
+    /// The pose of `sift`, then dense stereo.
+    Stereo,
     /// The truth itself: what a perfect answer scores.
     Truth,
     /// A plane fitted to the truth: the lower anchor.
@@ -44,7 +46,7 @@ pub struct Answer {
 
 impl Method {
     /// All of them, in the order of the tables.
-    pub const ALL: [Self; 4] = [Self::Orb, Self::Sift, Self::Truth, Self::Plane];
+    pub const ALL: [Self; 5] = [Self::Orb, Self::Sift, Self::Stereo, Self::Truth, Self::Plane];
 
     fn words(self) -> Words {
         match self {
@@ -57,6 +59,11 @@ impl Method {
                 name: "sift",
                 promise: Promise::Pose,
                 settings: "root-SIFT, mutual neighbours with ratio test, LO-RANSAC (1 px), windows aligned to subpixels, Sampson refinement over all inliers",
+            },
+            Self::Stereo => Words {
+                name: "stereo",
+                promise: Promise::Points,
+                settings: "the pose of `sift`, then inverse depth of every pixel of both views under a thin plate, completed where nothing matches; its unit is the baseline",
             },
             Self::Truth => Words {
                 name: "truth",
@@ -122,6 +129,10 @@ impl Method {
             },
             Self::Sift => Answer {
                 prediction: pictures::sift(views),
+                reference_pose: Some(pictures::sift_reference(views)),
+            },
+            Self::Stereo => Answer {
+                prediction: pictures::stereo(views),
                 reference_pose: Some(pictures::sift_reference(views)),
             },
             Self::Truth => Answer { prediction: truth::prediction(truth), reference_pose: None },

@@ -8,6 +8,7 @@ use selenograph_pose::relative::{CannotSay, Match, Order, Refinement, RelativeOp
 use selenograph_reconstruct::features::orb;
 use selenograph_reconstruct::matching;
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, PairPose, SiftOptions};
+use selenograph_reconstruct::stereo::{self, StereoOptions};
 use selenograph_reconstruct::{Prediction, View};
 
 /// Best matches that the reference protocol keeps.
@@ -27,6 +28,22 @@ pub fn orb([a, b]: &[View; 2]) -> Prediction {
 /// The chain called `sift`.
 pub fn sift([a, b]: &[View; 2]) -> Prediction {
     pose_only(relative_pose::sift(a, b, &SiftOptions::default()))
+}
+
+/// The pose of the chain called `sift`, then depth of every pixel of both views from its inliers on.
+pub fn stereo([a, b]: &[View; 2]) -> Prediction {
+    let found = match relative_pose::sift(a, b, &SiftOptions::default()) {
+        Ok(found) => found,
+        Err(cannot_say) => return Prediction { cam_b_from_cam_a: Err(cannot_say), views: None },
+    };
+    let inliers = found.matches.iter().filter(|m| m.inlier);
+    let seeds: Vec<stereo::Seed> = inliers.map(|m| stereo::Seed { a: m.a, b: m.b }).collect();
+    let cam_b_from_cam_a = found.pose.cam_b_from_cam_a;
+    match stereo::dense(a, b, &cam_b_from_cam_a, &seeds, &StereoOptions::default()) {
+        Ok(dense) => dense.to_prediction(a, b),
+        // The pose stands; its pixels have no answer and count as such.
+        Err(_) => Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views: None },
+    }
 }
 
 fn pose_only(found: Result<PairPose, CannotSay>) -> Prediction {
