@@ -1,5 +1,7 @@
 //! What can go wrong between two pictures and their products.
 
+use crate::stereo;
+use selenograph_pose::relative::CannotSay;
 use std::path::{Path, PathBuf};
 
 /// The crate's errors; each says what was expected and what was found.
@@ -87,6 +89,12 @@ pub enum Error {
         /// Why the input cannot tell.
         why: String,
     },
+    /// The pictures do not tell a relative pose.
+    #[error("cannot say: {0}")]
+    CannotSay(#[from] CannotSay),
+    /// Dense stereo has nothing to start from.
+    #[error("cannot say: {0}")]
+    Stereo(#[from] stereo::Error),
     /// A raster or its file.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),
@@ -108,6 +116,8 @@ impl Error {
             Self::CameraSize { .. } => Some(
                 "give the camera of this picture: a crop moves the principal point, and cannot be guessed",
             ),
+            Self::CannotSay(why) => Some(why.hint()),
+            Self::Stereo(why) => Some(why.hint()),
             Self::Raster(e) => e.hint(),
             _ => None,
         }

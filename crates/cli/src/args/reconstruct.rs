@@ -1,0 +1,150 @@
+//! `selenograph reconstruct`.
+
+use super::Target;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Two pictures into terrain.
+#[derive(Debug, Args)]
+pub struct Reconstruct {
+    /// First picture: PNG, JPEG, TIFF, PGM, PDS3 or PDS4 image, ISIS cube
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+    /// Second picture
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+    /// What took the pictures.
+    #[command(flatten)]
+    pub cameras: Cameras,
+    /// What is known of where it was done.
+    #[command(flatten)]
+    pub known: Known,
+    /// How points are found
+    #[arg(long, value_name = "METHOD", default_value = "stereo")]
+    pub method: Method,
+    /// Fill what was not measured smoothly from its surroundings; such points are marked
+    #[arg(long)]
+    pub complete: bool,
+    /// What the products look like.
+    #[command(flatten)]
+    pub products: ProductChoice,
+    /// Another seed, other random samples among the matches
+    #[arg(long, value_name = "N", default_value_t = 0, env = "SELENOGRAPH_SEED", hide_env_values = true)]
+    pub seed: u64,
+    /// Where to write.
+    #[command(flatten)]
+    pub target: Target,
+}
+
+/// What took the pictures. Without any of these the focal length is estimated or assumed, and the answer says so.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Cameras")]
+pub struct Cameras {
+    /// Camera of both pictures: our TOML or JSON, COLMAP cameras.txt, OpenCV YAML
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera_a", "camera_b"])]
+    pub camera: Option<PathBuf>,
+    /// Camera of the first picture
+    #[arg(long, value_name = "FILE", requires = "camera_b")]
+    pub camera_a: Option<PathBuf>,
+    /// Camera of the second picture
+    #[arg(long, value_name = "FILE", requires = "camera_a")]
+    pub camera_b: Option<PathBuf>,
+    /// Field of view across the width of both pictures, ideal pinhole
+    #[arg(long, value_name = "DEG", conflicts_with_all = ["camera", "camera_a", "focal_px"])]
+    pub fov_deg: Option<f64>,
+    /// Focal length of both pictures in pixels, ideal pinhole
+    #[arg(long, value_name = "PX", conflicts_with_all = ["camera", "camera_a"])]
+    pub focal_px: Option<f64>,
+}
+
+/// What is known of where it was done; any part of it is used.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "What is known")]
+pub struct Known {
+    /// Relative pose: a transform file, such as an earlier answer's
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["world_from_cam_a", "world_from_cam_b"])]
+    pub cam_b_from_cam_a: Option<PathBuf>,
+    /// Where the first camera stands and looks: a transform or camera file of ours
+    #[arg(long, value_name = "FILE")]
+    pub world_from_cam_a: Option<PathBuf>,
+    /// Where the second camera stands and looks; with the first one also the relative pose
+    #[arg(long, value_name = "FILE", requires = "world_from_cam_a")]
+    pub world_from_cam_b: Option<PathBuf>,
+    /// Attitude of the first camera: the direction that is up, in its axes (X right, Y down, Z forward)
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true, conflicts_with = "world_from_cam_a")]
+    pub up_in_cam_a: Option<[f64; 3]>,
+    /// Height of the first camera over the ground straight below it
+    #[arg(long, value_name = "M")]
+    pub altitude_m: Option<f64>,
+    /// Its standard deviation
+    #[arg(long, value_name = "M", requires = "altitude_m")]
+    pub altitude_sigma_m: Option<f64>,
+    /// Distance between the cameras
+    #[arg(long, value_name = "M")]
+    pub baseline_m: Option<f64>,
+    /// Its standard deviation
+    #[arg(long, value_name = "M", requires = "baseline_m")]
+    pub baseline_sigma_m: Option<f64>,
+    /// Coarse elevation model of the place; needs --world-from-cam-a, if only roughly
+    #[arg(long, value_name = "FILE", requires = "world_from_cam_a")]
+    pub dem: Option<PathBuf>,
+    /// Known points: CSV of x_px,y_px (in the first picture) and x_m,y_m,z_m
+    #[arg(long, value_name = "FILE")]
+    pub points: Option<PathBuf>,
+    /// Where the size comes from, if several of the above can tell
+    #[arg(long, value_name = "SOURCE")]
+    pub scale_from: Option<ScaleFrom>,
+}
+
+/// What the products look like.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Products")]
+pub struct ProductChoice {
+    /// Cell of the elevation model, metres (or baselines, without a scale) [default: from the density of the points]
+    #[arg(long, value_name = "LENGTH")]
+    pub cell: Option<f64>,
+    /// Ground steeper than this is a hazard
+    #[arg(long, value_name = "DEG", default_value_t = 15.0)]
+    pub max_slope_deg: f64,
+    /// Ground rougher than this is a hazard, metres (or baselines, without a scale) [default: twice a cell's sigma of noise]
+    #[arg(long, value_name = "LENGTH")]
+    pub max_roughness: Option<f64>,
+    /// No report.html
+    #[arg(long)]
+    pub no_report: bool,
+}
+
+/// Methods.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Features only: the pose, and a point per match.
+    Sift,
+    /// The pose from features, then a point per pixel.
+    Stereo,
+}
+
+/// Sources of the size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ScaleFrom {
+    /// --baseline-m, or the distance of the two given poses.
+    Baseline,
+    /// --altitude-m.
+    Altitude,
+    /// --dem.
+    Dem,
+    /// --points.
+    Points,
+}
+
+fn direction(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>().unwrap_or_default();
+    let direction: [f64; 3] =
+        numbers.try_into().map_err(|_| "three numbers, for example 0,-0.2,-1".to_owned())?;
+    let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if length.is_finite() && length > 0.0 {
+        Ok(direction.map(|v| v / length))
+    } else {
+        Err("a direction is not zero and finite".to_owned())
+    }
+}

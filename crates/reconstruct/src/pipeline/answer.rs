@@ -1,0 +1,148 @@
+//! What comes out at the end, and what must be said about it.
+
+use crate::Prediction;
+use crate::priors::{Priors, ScaleFrom};
+use crate::relative_pose::{Counts, PairMatch};
+use crate::scale::Placement;
+use selenograph_geometry::Camera;
+use selenograph_pose::relative::RelativePose;
+use serde::Serialize;
+
+/// Where the relative pose comes from.
+#[derive(Debug, Clone)]
+pub enum PoseSource {
+    /// From the matches.
+    Estimated(Box<RelativePose>),
+    /// It was given; so many matches of so many agree with it.
+    Given {
+        /// Matches that agree.
+        agreeing: usize,
+        /// Matches that there were.
+        matches: usize,
+        /// Root mean square Sampson distance of those that agree, pixels.
+        residual_px: f64,
+    },
+}
+
+/// Where the focal lengths come from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "source")]
+pub enum FocalSource {
+    /// From the cameras that were given.
+    Known,
+    /// From the matches.
+    Estimated {
+        /// Pixels.
+        focal_px: f64,
+        /// Its standard deviation, pixels.
+        sigma_px: f64,
+    },
+    /// The matches do not determine it: it is an assumption.
+    Assumed {
+        /// Pixels.
+        focal_px: f64,
+        /// The field of view that was assumed, across the width of picture A.
+        fov_deg: f64,
+    },
+}
+
+impl FocalSource {
+    pub(super) fn warning(self) -> Option<Warning> {
+        match self {
+            Self::Known => None,
+            Self::Estimated { focal_px, sigma_px } => Some(Warning::FocalEstimated { focal_px, sigma_px }),
+            Self::Assumed { focal_px, fov_deg } => Some(Warning::FocalAssumed { focal_px, fov_deg }),
+        }
+    }
+}
+
+/// What must be said about an answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Warning {
+    /// No size is known.
+    #[error("metric: false; nothing says how large this is, so lengths are in units of the baseline")]
+    NotMetric,
+    /// The focal length was estimated.
+    #[error("no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.1} px")]
+    FocalEstimated {
+        /// Pixels.
+        focal_px: f64,
+        /// Its standard deviation, pixels.
+        sigma_px: f64,
+    },
+    /// The focal length was assumed.
+    #[error(
+        "no camera was given and the matches do not determine one: a field of view of {fov_deg:.1}° ({focal_px:.1} px) was assumed; \
+         angles, slopes and heights are only as right as this is"
+    )]
+    FocalAssumed {
+        /// Pixels.
+        focal_px: f64,
+        /// Across the width of picture A.
+        fov_deg: f64,
+    },
+    /// The given pose and the pictures do not agree well.
+    #[error(
+        "only {agreeing} of {matches} matches agree with the relative pose that was given ({residual_px:.2} px)"
+    )]
+    PoseDisagrees {
+        /// Matches that agree.
+        agreeing: usize,
+        /// Matches that there were.
+        matches: usize,
+        /// Root mean square Sampson distance of those that agree, pixels.
+        residual_px: f64,
+    },
+    /// Two sources of size tell different things.
+    #[error("the size from `{other}` is {ratio:.3} times that from `{used}`, which was used")]
+    ScalesDisagree {
+        /// The one that was used.
+        used: &'static str,
+        /// The other one.
+        other: &'static str,
+        /// Its size over that which was used.
+        ratio: f64,
+    },
+}
+
+/// A placed prediction and what it rests on.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    /// Pose and points.
+    pub prediction: Prediction,
+    /// Where the pose comes from.
+    pub pose: PoseSource,
+    /// The matches it rests on, or is checked with.
+    pub matches: Vec<PairMatch>,
+    /// How many there were after each step.
+    pub counts: Counts,
+    /// Size and place.
+    pub placement: Placement,
+    /// The cameras that were used.
+    pub cameras: [Camera; 2],
+    /// Where their focal lengths come from.
+    pub focal: FocalSource,
+    /// What must be said.
+    pub warnings: Vec<Warning>,
+}
+
+/// Sizes that differ by more than this share are said.
+const DISAGREEMENT: f64 = 0.05;
+
+/// What the priors that did not give the size say about it.
+pub(super) fn disagreements(priors: &Priors, prediction: &Prediction, placement: &Placement) -> Vec<Warning> {
+    let Ok(Some(used)) = priors.scale_from() else { return Vec::new() };
+    let others = [ScaleFrom::Baseline, ScaleFrom::Altitude, ScaleFrom::Dem, ScaleFrom::Points];
+    others
+        .into_iter()
+        .filter(|other| *other != used)
+        .filter_map(|other| {
+            let with_other = Priors { scale_from: Some(other), ..priors.clone() };
+            let ratio =
+                with_other.place(prediction).ok()?.cam_a_from_pred.scale() / placement.cam_a_from_pred.scale();
+            let differs = (ratio - 1.0).abs() > DISAGREEMENT;
+            differs.then_some(Warning::ScalesDisagree { used: used.as_str(), other: other.as_str(), ratio })
+        })
+        .collect()
+}
