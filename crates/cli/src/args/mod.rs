@@ -5,6 +5,8 @@ pub mod campaign;
 pub mod data;
 pub mod dem;
 pub mod evaluate;
+pub mod frames;
+pub mod reconstruct;
 pub mod render;
 
 use clap::{Args, Parser, Subcommand};
@@ -87,6 +89,17 @@ pub enum Command {
         after_help = "Example:\n  selenograph evaluate out/dataset --method orb --method sift --method stereo --out evaluation"
     )]
     Evaluate(evaluate::Evaluate),
+    /// Two pictures into terrain: pose, point cloud, elevation model, slope, hazards, a report
+    #[command(
+        after_help = "A pair that cannot tell (no overlap, no parallax, nothing to match) ends with `cannot say`, exit code 1, and nothing is written.\n\n\
+        Example:\n  selenograph reconstruct a.png b.png --fov-deg 45 --out terrain_ab"
+    )]
+    Reconstruct(Box<reconstruct::Reconstruct>),
+    /// Squares of an image sequence, cut at regular intervals, as pairs
+    #[command(
+        after_help = "Example:\n  selenograph frames descent_pictures --every 30 --gap 15 --out pairs"
+    )]
+    Frames(frames::Frames),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

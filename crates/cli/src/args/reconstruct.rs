@@ -96,19 +96,22 @@ pub struct Known {
     pub scale_from: Option<ScaleFrom>,
 }
 
-/// What the products look like.
+/// What the products look like. Lengths are metres, or baselines without a scale.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Products")]
 pub struct ProductChoice {
-    /// Cell of the elevation model, metres (or baselines, without a scale) [default: from the density of the points]
+    /// Cell of the elevation model [default: the median distance of neighbouring points]
     #[arg(long, value_name = "LENGTH")]
-    pub cell: Option<f64>,
+    pub cell_m: Option<f64>,
     /// Ground steeper than this is a hazard
     #[arg(long, value_name = "DEG", default_value_t = 15.0)]
     pub max_slope_deg: f64,
-    /// Ground rougher than this is a hazard, metres (or baselines, without a scale) [default: twice a cell's sigma of noise]
+    /// Ground rougher than this is a hazard [default: 2 % of the footprint]
     #[arg(long, value_name = "LENGTH")]
-    pub max_roughness: Option<f64>,
+    pub max_roughness_m: Option<f64>,
+    /// Side of the lander's footprint [default: three cells]
+    #[arg(long, value_name = "LENGTH")]
+    pub footprint_m: Option<f64>,
     /// No report.html
     #[arg(long)]
     pub no_report: bool,

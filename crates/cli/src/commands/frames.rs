@@ -1,15 +1,18 @@
 //! `frames`: squares of an image sequence, cut at regular intervals, and the pairs that they make.
 
+use super::clock::now_utc;
+use super::run_record::{RunRecord, checksums};
 use crate::args::frames::Frames;
 use crate::exit::{Outcome, refuse};
 use crate::target::Draft;
 use crate::ui::Ui;
 use anyhow::Context;
 use indicatif::ProgressBar;
+use selenograph_geometry::{Camera, Distortion, PixelConvention};
 use selenograph_raster::codec::picture::{GreyUnit, PictureFile, read_picture};
 use selenograph_raster::codec::{Picture, png};
 use selenograph_reconstruct::Error;
-use selenograph_reconstruct::camera_file;
+use selenograph_reconstruct::camera_file::{self, PictureSize};
 use selenograph_reconstruct::frames::{FrameStream, Pairing, Window};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -32,6 +35,9 @@ struct Work<'a> {
     folder: &'a Path,
     pairing: Pairing,
     window: Window,
+    camera_path: Option<&'a Path>,
+    /// The camera of the window, known from the first frame on.
+    camera: Option<Camera>,
     /// Where each written frame came from.
     written: BTreeMap<usize, String>,
     skipped: Vec<String>,
@@ -46,12 +52,12 @@ pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = Draft::new(&args.target.out, args.target.force)?;
     std::fs::create_dir_all(draft.path().join(PICTURES))?;
     let window = Window { width: args.size, height: args.size, left_top: args.at };
-    let camera = args.camera.as_deref().map(camera_file::read).transpose()?;
-    let camera = camera.map(|camera| window.camera(&camera)).transpose()?;
     let mut work = Work {
         folder: draft.path(),
         pairing: Pairing::new(args.every, args.gap.unwrap_or(args.every))?,
         window,
+        camera_path: args.camera.as_deref(),
+        camera: None,
         written: BTreeMap::new(),
         skipped: Vec::new(),
         bar: ui.bar(0, "frames"),
@@ -66,9 +72,6 @@ pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     work.bar.finish_and_clear();
     let summary = work.finish(args)?;
-    if let Some(camera) = camera {
-        std::fs::write(draft.path().join("camera.toml"), camera_file::to_toml(&camera))?;
-    }
     draft.commit()?;
     if ui.json {
         ui.data_json(&summary)?;
@@ -133,6 +136,11 @@ impl Work<'_> {
                 return Ok(());
             }
         };
+        if let (Some(path), None) = (self.camera_path, &self.camera) {
+            let (width, height) = frame.size();
+            let whole = camera_file::read(path, &PictureSize::new(width, height))?.camera;
+            self.camera = Some(self.window.camera(&whole)?);
+        }
         let bytes = match &cut {
             Picture::Grey16(raster) => png::encode_grey16(raster)?,
             Picture::Grey8(raster) => png::encode_grey8(raster)?,
@@ -183,32 +191,64 @@ impl Work<'_> {
             );
         }
         std::fs::write(self.folder.join("pairs.csv"), table)?;
-        std::fs::write(self.folder.join("run.toml"), self.run_record(args)?)?;
+        if let Some(camera) = &self.camera {
+            std::fs::write(self.folder.join("camera.toml"), toml::to_string(&CameraKeys::from(camera))?)?;
+        }
+        let settings = Settings {
+            source: &args.source,
+            pairing: self.pairing,
+            window: self.window,
+            skipped: &self.skipped,
+        };
+        let inputs = checksums(&args.camera.iter().cloned().collect::<Vec<_>>())?;
+        let record = RunRecord::new("frames", now_utc(), inputs, &settings);
+        std::fs::write(self.folder.join("run.toml"), record.to_toml()?)?;
         Ok(Summary {
             num_frames: self.written.len(),
             num_pairs: pairs.len(),
             skipped: std::mem::take(&mut self.skipped),
         })
     }
+}
 
-    fn run_record(&self, args: &Frames) -> anyhow::Result<String> {
-        let record = toml::toml! {
-            [program]
-            name = "selenograph frames"
-        };
-        let mut record = record;
-        let mut settings = toml::Table::new();
-        settings.insert("source".into(), args.source.display().to_string().into());
-        settings.insert("pairing".into(), toml::Value::try_from(self.pairing)?);
-        settings.insert("window".into(), toml::Value::try_from(self.window)?);
-        if let Some(camera) = &args.camera {
-            settings.insert("camera".into(), camera.display().to_string().into());
+/// Settings for the record.
+#[derive(Serialize)]
+struct Settings<'a> {
+    source: &'a Path,
+    pairing: Pairing,
+    window: Window,
+    skipped: &'a [String],
+}
+
+/// A camera in the keys of a camera file.
+#[derive(Serialize)]
+struct CameraKeys {
+    format: &'static str,
+    version: u32,
+    width_px: usize,
+    height_px: usize,
+    fx_px: f64,
+    fy_px: f64,
+    cx_px: f64,
+    cy_px: f64,
+    pixel_convention: PixelConvention,
+    distortion: Distortion,
+}
+
+impl From<&Camera> for CameraKeys {
+    fn from(camera: &Camera) -> Self {
+        Self {
+            format: "selenograph.camera",
+            version: 1,
+            width_px: camera.width,
+            height_px: camera.height,
+            fx_px: camera.fx,
+            fy_px: camera.fy,
+            cx_px: camera.cx,
+            cy_px: camera.cy,
+            pixel_convention: PixelConvention::Corner,
+            distortion: camera.distortion,
         }
-        record.insert("settings".into(), settings.into());
-        record.insert("started".into(), super::clock::now_utc().into());
-        record.insert("version".into(), env!("CARGO_PKG_VERSION").into());
-        record.insert("skipped".into(), toml::Value::try_from(&self.skipped)?);
-        Ok(toml::to_string(&record)?)
     }
 }
 

@@ -15,12 +15,15 @@ mod dem_info;
 mod dem_synth;
 mod demo;
 mod evaluate;
+mod frames;
 mod generate;
 mod plan;
 mod planning;
 mod presets;
 mod reading;
+mod reconstruct;
 mod render;
+mod run_record;
 mod terrain_info;
 
 use crate::args::Command;
@@ -61,6 +64,8 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Data(DataCommand::Import(args)) => data_import::run(args, ui),
         Command::Data(DataCommand::Export(args)) => data_export::run(args, ui),
         Command::Evaluate(args) => evaluate::run(args, ui),
+        Command::Reconstruct(args) => reconstruct::run(args, ui),
+        Command::Frames(args) => frames::run(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),

@@ -1,0 +1,205 @@
+//! What is known of where the pictures were taken, from the command line and the files it names.
+
+use crate::args::reconstruct::{self as args, Known};
+use crate::exit::refuse;
+use anyhow::Context;
+use selenograph_geometry::{Body, BodyFixed, CamA, Geodetic, Point2, Point3, Rigid3, Rotation3, Vector3};
+use selenograph_raster::dem::OpenOptions;
+use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
+use selenograph_reconstruct::priors::{KnownLength, KnownPlace, KnownPoint, KnownPose, Priors, ScaleFrom, between};
+use selenograph_reconstruct::scale::World;
+use selenograph_reconstruct::scale::dem::DemPatch;
+use selenograph_reconstruct::transform_file;
+use serde::Serialize;
+use std::path::Path;
+
+/// What was known, for the record.
+#[derive(Debug, Default, Serialize)]
+pub struct Summary {
+    relative_pose: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    world: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    up_in_cam_a: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    altitude_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    baseline_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dem_cell_m: Option<f64>,
+    num_points: usize,
+    /// Where the size comes from.
+    scale_from: Option<ScaleFrom>,
+}
+
+/// Everything that is known.
+///
+/// # Errors
+/// Files that are no poses, elevation models or points; poses of different worlds; a source of size that is not there.
+pub fn priors(known: &Known, sizes: [[usize; 2]; 2]) -> anyhow::Result<(Priors, Summary)> {
+    let mut priors = Priors {
+        baseline: length("--baseline-m", known.baseline_m, known.baseline_sigma_m)?,
+        altitude: length("--altitude-m", known.altitude_m, known.altitude_sigma_m)?,
+        scale_from: known.scale_from.map(|source| match source {
+            args::ScaleFrom::Baseline => ScaleFrom::Baseline,
+            args::ScaleFrom::Altitude => ScaleFrom::Altitude,
+            args::ScaleFrom::Dem => ScaleFrom::Dem,
+            args::ScaleFrom::Points => ScaleFrom::Points,
+        }),
+        ..Priors::default()
+    };
+    let mut summary = Summary {
+        up_in_cam_a: known.up_in_cam_a,
+        altitude_m: known.altitude_m,
+        baseline_m: known.baseline_m,
+        ..Summary::default()
+    };
+    if let Some(path) = &known.cam_b_from_cam_a {
+        let pose = transform_file::read_pose(path)?;
+        priors.cam_b_from_cam_a =
+            Some(KnownPose { cam_b_from_cam_a: pose.cam_b_from_cam_a, metric: pose.metric });
+    }
+    if let Some(path) = &known.world_from_cam_a {
+        let pose = world_pose(path, sizes[0])?;
+        priors.world = world(&pose);
+        if let Some(other) = &known.world_from_cam_b {
+            priors.cam_b_from_cam_a = Some(relative(path, &pose, other, sizes[1])?);
+        }
+        summary.world = Some(pose.world);
+    } else if let Some(up) = known.up_in_cam_a {
+        priors.world = World::Level(Rigid3::new(level(&Vector3::from(up)), Point3::origin()));
+    }
+    summary.relative_pose = priors.cam_b_from_cam_a.is_some();
+    if let Some(path) = &known.dem {
+        let dem = dem(path, &priors.world)?;
+        summary.dem_cell_m = Some(dem.cell_m());
+        priors.dem = Some(dem);
+    }
+    if let Some(path) = &known.points {
+        priors.points = points(path)?;
+        summary.num_points = priors.points.len();
+    }
+    summary.scale_from = priors.scale_from()?;
+    Ok((priors, summary))
+}
+
+fn length(name: &str, metres: Option<f64>, sigma_m: Option<f64>) -> anyhow::Result<Option<KnownLength>> {
+    let Some(metres) = metres else { return Ok(None) };
+    let sigma_m = sigma_m.unwrap_or(0.0);
+    if metres > 0.0 && metres.is_finite() && sigma_m >= 0.0 && sigma_m.is_finite() {
+        return Ok(Some(KnownLength { metres, sigma_m }));
+    }
+    Err(refuse(
+        format!("{name} {metres} with sigma {sigma_m}: no such length"),
+        "lengths are in metres, above zero; a sigma of 0 means that it is not known",
+    ))
+}
+
+fn world_pose(path: &Path, [width, height]: [usize; 2]) -> anyhow::Result<WorldPose> {
+    let file = camera_file::read(path, &PictureSize::new(width, height))?;
+    file.pose.ok_or_else(|| {
+        refuse(
+            format!("`{}` holds a camera without a place", path.display()),
+            "it needs world, and world_from_cam or position_m with world_from_cam_quaternion (docs/formats.md)",
+        )
+    })
+}
+
+/// The body that a world's name says, if it says one.
+fn body(name: &str) -> Option<Body> {
+    [Body::moon(), Body::mars()].into_iter().find(|body| body.frame == name)
+}
+
+/// What a pose says of the world around it.
+fn world(pose: &WorldPose) -> World {
+    let world_from_cam_a: Rigid3<BodyFixed, CamA> = pose.world_from_cam.relabel();
+    match (body(&pose.world), pose.world.as_str()) {
+        (Some(body), _) => World::Body { body, body_from_cam_a: world_from_cam_a },
+        (None, "enu") => World::Level(world_from_cam_a.relabel()),
+        // Any other frame may lie as it likes.
+        (None, _) => World::Unknown,
+    }
+}
+
+fn relative(path: &Path, pose: &WorldPose, other: &Path, size: [usize; 2]) -> anyhow::Result<KnownPose> {
+    let second = world_pose(other, size)?;
+    if second.world != pose.world || second.metric != pose.metric {
+        return Err(refuse(
+            format!(
+                "`{}` is in the world `{}`, `{}` in `{}`",
+                path.display(),
+                pose.world,
+                other.display(),
+                second.world
+            ),
+            "both poses must be in one world",
+        ));
+    }
+    let known = between(&pose.world_from_cam.relabel(), &second.world_from_cam.relabel());
+    Ok(KnownPose { metric: pose.metric, ..known })
+}
+
+/// A frame whose Z is up and whose X is the camera's, made level.
+fn level(up: &Vector3<f64>) -> Rotation3<f64> {
+    let seed = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let north = up.cross(&seed).normalize();
+    let east = north.cross(up);
+    Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
+        east.transpose(),
+        north.transpose(),
+        up.transpose(),
+    ]))
+}
+
+/// The part of an elevation model round the ground that a camera can see.
+fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
+    let World::Body { body, body_from_cam_a } = world else {
+        return Err(refuse(
+            "--dem needs the place of the first camera on a body",
+            "pass --world-from-cam-a with a pose in `moon_me`",
+        ));
+    };
+    let origin = body_from_cam_a.origin();
+    // Four heights away the ground is seen at 76°; a pose may be off by kilometres.
+    let reach_m = 4.0 * body.height_m(&origin).abs() + 20_000.0;
+    Ok(DemPatch::read(path, &OpenOptions::default(), &origin, reach_m)?)
+}
+
+/// Known points from a table: `x_px,y_px` in picture A, and `lat_deg,lon_deg,height_m` on the Moon or `x_m,y_m,z_m` with Z up.
+fn points(path: &Path) -> anyhow::Result<Vec<KnownPoint>> {
+    const ON_BODY: &str = "x_px,y_px,lat_deg,lon_deg,height_m";
+    const LOCAL: &str = "x_px,y_px,x_m,y_m,z_m";
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read points `{}`", path.display()))?;
+    let mut lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    let header = lines.next().map(|(_, line)| line.replace(' ', "")).unwrap_or_default();
+    let on_body = match header.as_str() {
+        ON_BODY => true,
+        LOCAL => false,
+        _ => {
+            return Err(refuse(
+                format!("`{}`: no table of known points, its first line is `{header}`", path.display()),
+                format!("the first line is `{ON_BODY}` or `{LOCAL}`"),
+            ));
+        }
+    };
+    lines
+        .map(|(number, line)| {
+            let numbers: Vec<f64> =
+                line.split(',').map(|word| word.trim().parse()).collect::<Result<_, _>>().unwrap_or_default();
+            let numbers: Option<[f64; 5]> = numbers.try_into().ok();
+            let [x, y, p, q, r] = numbers.filter(|n| n.iter().all(|v| v.is_finite())).ok_or_else(|| {
+                refuse(
+                    format!("`{}`, line {}: no five numbers", path.display(), number + 1),
+                    format!("a line is `{header}`"),
+                )
+            })?;
+            let place = if on_body {
+                KnownPlace::Body(Body::moon(), Geodetic::from_deg(p, q, r))
+            } else {
+                KnownPlace::Local(Point3::new(p, q, r))
+            };
+            Ok(KnownPoint { pixel: Point2::new(x, y), place })
+        })
+        .collect()
+}
