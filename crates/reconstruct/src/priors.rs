@@ -1,12 +1,9 @@
 //! What is known beforehand, in any subset, and how the size of a prediction follows from it.
 
-mod known_points;
-
-pub use known_points::{KnownPlace, KnownPoint};
-
 use crate::Error;
 use crate::prediction::Prediction;
 use crate::scale::dem::{self, DemOptions, DemPatch};
+use crate::scale::points::{self, KnownPoints};
 use crate::scale::{self, Placement, ScaleSource, World};
 use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3};
 use serde::{Deserialize, Serialize};
@@ -71,7 +68,7 @@ pub struct Priors {
     /// How well the place of camera A is known, where a surface is laid onto that model.
     pub dem_options: DemOptions,
     /// Points of picture A whose place is known.
-    pub points: Vec<KnownPoint>,
+    pub points: Option<KnownPoints>,
     /// Which of these gives the size; by default the first that is there, in the order of [`ScaleFrom`].
     pub scale_from: Option<ScaleFrom>,
 }
@@ -100,7 +97,7 @@ impl Priors {
             ScaleFrom::Baseline => self.baseline.is_some() || self.metric_pose().is_some(),
             ScaleFrom::Altitude => self.altitude.is_some(),
             ScaleFrom::Dem => self.dem.is_some() && matches!(self.world, World::Body { .. }),
-            ScaleFrom::Points => !self.points.is_empty(),
+            ScaleFrom::Points => self.points.is_some(),
         }
     }
 
@@ -133,8 +130,13 @@ impl Priors {
                 scale::place(prediction, source, world())
             }
             ScaleFrom::Dem => self.place_by_dem(prediction),
-            ScaleFrom::Points => known_points::place(prediction, &self.points, &self.world),
+            ScaleFrom::Points => self.place_by_points(prediction),
         }
+    }
+
+    fn place_by_points(&self, prediction: &Prediction) -> Result<Placement, Error> {
+        let none = || Error::Undetermined { what: "scale from known points", why: "there are none".into() };
+        Ok(points::fit(prediction, self.points.as_ref().ok_or_else(none)?)?.placement)
     }
 
     fn place_by_dem(&self, prediction: &Prediction) -> Result<Placement, Error> {

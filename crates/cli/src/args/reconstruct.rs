@@ -88,7 +88,7 @@ pub struct Known {
     /// Coarse elevation model of the place; needs --world-from-cam-a, if only roughly
     #[arg(long, value_name = "FILE", requires = "world_from_cam_a")]
     pub dem: Option<PathBuf>,
-    /// Known points: CSV of x_px,y_px (in the first picture) and x_m,y_m,z_m
+    /// Known points: CSV of u_px,v_px (in the first picture) and latitude_deg,longitude_deg,height_m or x_m,y_m,z_m
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
     /// Where the size comes from, if several of the above can tell

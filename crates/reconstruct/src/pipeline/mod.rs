@@ -74,8 +74,6 @@ pub enum Stage {
     Pose,
     /// A point per pixel.
     Dense,
-    /// Filling what was not measured.
-    Completion,
     /// Size and place.
     Placement,
 }
@@ -87,7 +85,6 @@ impl Stage {
             Self::Focal => "focal length",
             Self::Pose => "matches and pose",
             Self::Dense => "dense stereo",
-            Self::Completion => "completion",
             Self::Placement => "scale and place",
         }
     }
@@ -194,6 +191,11 @@ fn dense(
     progress(Stage::Dense);
     let seeds: Vec<Seed> =
         start.matches.iter().filter(|m| m.inlier).map(|m| Seed { a: m.a, b: m.b }).collect();
-    let dense = stereo::dense(a, b, &start.cam_b_from_cam_a, &seeds, &options.stereo)?;
+    let completion = match options.completion {
+        Completion::Absent => stereo::Completion::None,
+        Completion::Smooth => stereo::Completion::Everywhere,
+    };
+    let settings = StereoOptions { completion, ..options.stereo.clone() };
+    let dense = stereo::dense(a, b, &start.cam_b_from_cam_a, &seeds, &settings)?;
     Ok(rays::predicted(&dense, [&a.camera, &b.camera], &start.cam_b_from_cam_a))
 }

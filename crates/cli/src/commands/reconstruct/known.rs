@@ -3,12 +3,13 @@
 use crate::args::reconstruct::{self as args, Known};
 use crate::exit::refuse;
 use anyhow::Context;
-use selenograph_geometry::{Body, BodyFixed, CamA, Geodetic, Point2, Point3, Rigid3, Rotation3, Vector3};
+use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
-use selenograph_reconstruct::priors::{KnownLength, KnownPlace, KnownPoint, KnownPose, Priors, ScaleFrom, between};
+use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, ScaleFrom, between};
 use selenograph_reconstruct::scale::World;
 use selenograph_reconstruct::scale::dem::DemPatch;
+use selenograph_reconstruct::scale::points::KnownPoints;
 use selenograph_reconstruct::transform_file;
 use serde::Serialize;
 use std::path::Path;
@@ -76,8 +77,9 @@ pub fn priors(known: &Known, sizes: [[usize; 2]; 2]) -> anyhow::Result<(Priors, 
         priors.dem = Some(dem);
     }
     if let Some(path) = &known.points {
-        priors.points = points(path)?;
-        summary.num_points = priors.points.len();
+        let points = points(path, &priors.world)?;
+        summary.num_points = points.points.len();
+        priors.points = Some(points);
     }
     summary.scale_from = priors.scale_from()?;
     Ok((priors, summary))
@@ -165,41 +167,16 @@ fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
     Ok(DemPatch::read(path, &OpenOptions::default(), &origin, reach_m)?)
 }
 
-/// Known points from a table: `x_px,y_px` in picture A, and `lat_deg,lon_deg,height_m` on the Moon or `x_m,y_m,z_m` with Z up.
-fn points(path: &Path) -> anyhow::Result<Vec<KnownPoint>> {
-    const ON_BODY: &str = "x_px,y_px,lat_deg,lon_deg,height_m";
-    const LOCAL: &str = "x_px,y_px,x_m,y_m,z_m";
+/// Known points from a table; those with a latitude are on the body of the first camera, or on the Moon.
+fn points(path: &Path, world: &World) -> anyhow::Result<KnownPoints> {
     let text =
         std::fs::read_to_string(path).with_context(|| format!("cannot read points `{}`", path.display()))?;
-    let mut lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let header = lines.next().map(|(_, line)| line.replace(' ', "")).unwrap_or_default();
-    let on_body = match header.as_str() {
-        ON_BODY => true,
-        LOCAL => false,
-        _ => {
-            return Err(refuse(
-                format!("`{}`: no table of known points, its first line is `{header}`", path.display()),
-                format!("the first line is `{ON_BODY}` or `{LOCAL}`"),
-            ));
-        }
+    let header = text.lines().find(|line| !line.trim().is_empty() && !line.trim_start().starts_with('#'));
+    let moon = Body::moon();
+    let body = match world {
+        World::Body { body, .. } => Some(body),
+        _ if header.is_some_and(|line| line.contains("latitude_deg")) => Some(&moon),
+        _ => None,
     };
-    lines
-        .map(|(number, line)| {
-            let numbers: Vec<f64> =
-                line.split(',').map(|word| word.trim().parse()).collect::<Result<_, _>>().unwrap_or_default();
-            let numbers: Option<[f64; 5]> = numbers.try_into().ok();
-            let [x, y, p, q, r] = numbers.filter(|n| n.iter().all(|v| v.is_finite())).ok_or_else(|| {
-                refuse(
-                    format!("`{}`, line {}: no five numbers", path.display(), number + 1),
-                    format!("a line is `{header}`"),
-                )
-            })?;
-            let place = if on_body {
-                KnownPlace::Body(Body::moon(), Geodetic::from_deg(p, q, r))
-            } else {
-                KnownPlace::Local(Point3::new(p, q, r))
-            };
-            Ok(KnownPoint { pixel: Point2::new(x, y), place })
-        })
-        .collect()
+    Ok(KnownPoints::read_csv(path, body)?)
 }
