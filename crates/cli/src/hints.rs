@@ -21,6 +21,9 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         if let Some(error) = cause.downcast_ref::<selenograph_dataset::Error>() {
             return dataset(error);
         }
+        if let Some(error) = cause.downcast_ref::<selenograph_reconstruct::Error>() {
+            return reconstruct(error);
+        }
         if let Some(error) = cause.downcast_ref::<selenograph_evaluate::Error>() {
             return evaluate(error);
         }
@@ -102,6 +105,18 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
         Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
         _ => None,
+    }
+}
+
+fn reconstruct(error: &selenograph_reconstruct::Error) -> Option<String> {
+    use selenograph_reconstruct::Error;
+    match error {
+        Error::Raster(error) => raster(error),
+        Error::Geometry(error) => geometry(error),
+        Error::Io { source, .. } => io(source.kind()),
+        Error::Format { .. } => some("docs/formats.md tells what each file holds"),
+        Error::Value { .. } => some("`selenograph reconstruct --help` tells what each setting may be"),
+        _ => error.hint().map(str::to_owned),
     }
 }
 

@@ -96,9 +96,7 @@ pub enum Command {
     )]
     Reconstruct(Box<reconstruct::Reconstruct>),
     /// Squares of an image sequence, cut at regular intervals, as pairs
-    #[command(
-        after_help = "Example:\n  selenograph frames descent_pictures --every 30 --gap 15 --out pairs"
-    )]
+    #[command(after_help = "Example:\n  selenograph frames descent_pictures --every 30 --gap 15 --out pairs")]
     Frames(frames::Frames),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]

@@ -114,7 +114,8 @@ impl Work<'_> {
         }
         names.sort_by_cached_key(|name| natural_order(name));
         self.bar.set_length(names.len() as u64);
-        for (frame_idx, name) in names.iter().enumerate().filter(|(idx, _)| self.pairing.wants(*idx)) {
+        let pairing = self.pairing;
+        for (frame_idx, name) in names.iter().enumerate().filter(|(idx, _)| pairing.wants(*idx)) {
             self.bar.set_position(frame_idx as u64 + 1);
             match read_picture(&folder.join(name)) {
                 Ok(file) => match levels(&file) {
@@ -173,8 +174,12 @@ impl Work<'_> {
                 "a smaller --every or --gap, or a smaller --size, may help",
             ));
         }
-        let alone: Vec<usize> =
-            self.written.keys().copied().filter(|idx| !pairs.iter().flatten().any(|used| used == idx)).collect();
+        let alone: Vec<usize> = self
+            .written
+            .keys()
+            .copied()
+            .filter(|idx| !pairs.iter().flatten().any(|used| used == idx))
+            .collect();
         for frame_idx in alone {
             std::fs::remove_file(self.picture(frame_idx))?;
             self.written.remove(&frame_idx);

@@ -64,7 +64,9 @@ pub enum Warning {
     #[error("metric: false; nothing says how large this is, so lengths are in units of the baseline")]
     NotMetric,
     /// The focal length was estimated.
-    #[error("no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.1} px")]
+    #[error(
+        "no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.1} px"
+    )]
     FocalEstimated {
         /// Pixels.
         focal_px: f64,
@@ -139,8 +141,8 @@ pub(super) fn disagreements(priors: &Priors, prediction: &Prediction, placement:
         .filter(|other| *other != used)
         .filter_map(|other| {
             let with_other = Priors { scale_from: Some(other), ..priors.clone() };
-            let ratio =
-                with_other.place(prediction).ok()?.cam_a_from_pred.scale() / placement.cam_a_from_pred.scale();
+            let ratio = with_other.place(prediction).ok()?.cam_a_from_pred.scale()
+                / placement.cam_a_from_pred.scale();
             let differs = (ratio - 1.0).abs() > DISAGREEMENT;
             differs.then_some(Warning::ScalesDisagree { used: used.as_str(), other: other.as_str(), ratio })
         })

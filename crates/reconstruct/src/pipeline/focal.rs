@@ -105,7 +105,12 @@ fn searched(matches: &[Centred], focal_px: f64, seed: u64) -> Option<Fit> {
 fn refined(matches: &[Centred], focal_px: f64, start: &Motion) -> Fit {
     let pairs = pairs(matches, focal_px);
     let scale = (0.5 * CUTOFF_PX / focal_px).powi(2);
-    let refined = refine::refine(&pairs, start, Loss::Cauchy { scale_squared: scale, cutoff_squared: (CUTOFF_PX / focal_px).powi(2) }, 20);
+    let refined = refine::refine(
+        &pairs,
+        start,
+        Loss::Cauchy { scale_squared: scale, cutoff_squared: (CUTOFF_PX / focal_px).powi(2) },
+        20,
+    );
     let e = refined.motion.essential();
     let bound = CUTOFF_PX * CUTOFF_PX;
     let cost = (0..pairs.len())

@@ -123,7 +123,8 @@ pub fn reconstruct(
         }
     };
     warnings.extend(focal.warning());
-    let [a, b] = [(a, &cameras[0]), (b, &cameras[1])].map(|(view, camera)| View { camera: camera.clone(), ..view.clone() });
+    let [a, b] = [(a, &cameras[0]), (b, &cameras[1])]
+        .map(|(view, camera)| View { camera: camera.clone(), ..view.clone() });
     progress(Stage::Pose);
     let start = match &priors.cam_b_from_cam_a {
         Some(known) => given::start(&a, &b, known, &options.sift)?,
@@ -148,7 +149,12 @@ pub fn reconstruct(
 /// What an estimated pose gives the rest of the way.
 fn estimated(found: PairPose) -> Start {
     let PairPose { pose, matches, counts, .. } = found;
-    Start { cam_b_from_cam_a: pose.cam_b_from_cam_a, source: PoseSource::Estimated(Box::new(pose)), matches, counts }
+    Start {
+        cam_b_from_cam_a: pose.cam_b_from_cam_a,
+        source: PoseSource::Estimated(Box::new(pose)),
+        matches,
+        counts,
+    }
 }
 
 /// Cameras whose focal length the matches tell, or the guessed ones.
@@ -161,7 +167,8 @@ fn guessed_cameras(a: &View, b: &View, options: &Options) -> Result<([Camera; 2]
     };
     let found = relative_pose::sift(a, b, &loose)?;
     let centred = |m: &relative_pose::PairMatch| {
-        let [p, q] = [(&m.a, &a.camera), (&m.b, &b.camera)].map(|(p, camera)| [p.x - camera.cx, p.y - camera.cy]);
+        let [p, q] =
+            [(&m.a, &a.camera), (&m.b, &b.camera)].map(|(p, camera)| [p.x - camera.cx, p.y - camera.cy]);
         [p[0], p[1], q[0], q[1]]
     };
     let matches: Vec<focal::Centred> = found.matches.iter().map(centred).collect();
@@ -174,7 +181,8 @@ fn guessed_cameras(a: &View, b: &View, options: &Options) -> Result<([Camera; 2]
             (cameras.map(with), source)
         }
         None => {
-            let source = FocalSource::Assumed { focal_px: a.camera.fx, fov_deg: a.camera.fov_x_rad().to_degrees() };
+            let source =
+                FocalSource::Assumed { focal_px: a.camera.fx, fov_deg: a.camera.fov_x_rad().to_degrees() };
             (cameras, source)
         }
     })

@@ -45,7 +45,9 @@ fn put(view: &mut PredictedView, at: &Point2<f64>, point: &Vector3<f64>, sigma: 
     let inside = |coordinate: f64, size: usize| {
         usize::try_from(pixel::index_of(coordinate)).ok().filter(|index| *index < size)
     };
-    let (Some(x), Some(y)) = (inside(at.x, view.points.width), inside(at.y, view.points.height)) else { return };
+    let (Some(x), Some(y)) = (inside(at.x, view.points.width), inside(at.y, view.points.height)) else {
+        return;
+    };
     view.points[(x, y)] = [point.x as f32, point.y as f32, point.z as f32];
     view.confidence[(x, y)] = 1.0;
     view.fill[(x, y)] = Fill::Measured;

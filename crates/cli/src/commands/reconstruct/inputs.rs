@@ -4,9 +4,9 @@ use crate::args::reconstruct::{Cameras, Reconstruct};
 use crate::exit::refuse;
 use selenograph_geometry::Camera;
 use selenograph_raster::codec::picture::{PictureFile, read_picture};
-use selenograph_reconstruct::pipeline::{FocalSource, Reconstruction};
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::camera_file::{self, PictureSize};
+use selenograph_reconstruct::pipeline::{FocalSource, Reconstruction};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -78,9 +78,6 @@ pub fn read(args: &Reconstruct) -> anyhow::Result<Pictures> {
     let (cameras, camera_known) = cameras(&args.cameras, [&a, &b], &mut notes)?;
     for file in [&a, &b] {
         let name = file.path.display();
-        if file.was_colour {
-            notes.push(format!("`{name}` is in colour: its luma was taken"));
-        }
         notes.extend(file.notes.iter().map(|note| format!("`{name}`: {note}")));
     }
     let [camera_a, camera_b] = cameras;

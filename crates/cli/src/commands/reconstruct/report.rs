@@ -48,9 +48,6 @@ pub fn page(
     for warning in &found.warnings {
         page.warning(&warning.to_string());
     }
-    for note in &pictures.notes {
-        page.warning(note);
-    }
     page.section("Pose and size").table(&facts(found, made, pose));
     page.section("Pictures and matches");
     page.figure(&matches(pictures, found, [&names[0], &names[1]])?);
@@ -60,7 +57,7 @@ pub fn page(
     page.figure(&central_profile(made, unit));
     page.section("Hazards").figure(&hazards(made)?).table(&hazard_table(made, unit)?);
     page.section("Points").points(&cloud(made), "Every measured point; view 1 red, view 2 green");
-    page.section("How this was made").listing("run.toml", run_toml);
+    page.section("How this was made").list(&pictures.notes).listing("run.toml", run_toml);
     Ok(page.finish())
 }
 
@@ -87,23 +84,49 @@ fn facts(found: &Reconstruction, made: &Products, pose: &PoseRecord) -> Table {
             ("baseline", format!("{}{unit}", significant(pose.baseline, 6))),
             (
                 "sigma of the size",
-                summary.scale_sigma.map_or_else(|| "not known".into(), |s| format!("{} %", significant(100.0 * s, 2))),
+                summary
+                    .scale_sigma
+                    .map_or_else(|| "not known".into(), |s| format!("{} %", significant(100.0 * s, 2))),
             ),
             ("residual of the matches", format!("{:.3} px", pose.residual_px)),
             ("features", format!("{} and {}", counts.features[0], counts.features[1])),
-            ("matches, aligned, agreeing", format!("{}, {}, {}", counts.matches, counts.refined, counts.inliers)),
             (
-                "share of them on one plane",
-                pose.plane_share.map_or_else(|| "not known".into(), percent),
+                "matches, aligned, agreeing",
+                format!("{}, {}, {}", counts.matches, counts.refined, counts.inliers),
             ),
+            ("share of them on one plane", pose.plane_share.map_or_else(|| "not known".into(), percent)),
             ("focal lengths", format!("{} px and {} px", focal[0], focal[1])),
-            ("measured pixels", format!("{} and {}", percent(summary.measured[0]), percent(summary.measured[1]))),
-            ("completed pixels", format!("{} and {}", percent(summary.completed[0]), percent(summary.completed[1]))),
-            ("grid", format!("{}×{} cells of {}{unit}; {}", summary.grid_size[0], summary.grid_size[1], significant(summary.cell, 4), summary.frame)),
-            ("heights", format!("{} to {}{unit}", fixed(summary.height_range[0], 2), fixed(summary.height_range[1], 2))),
+            (
+                "measured pixels",
+                format!("{} and {}", percent(summary.measured[0]), percent(summary.measured[1])),
+            ),
+            (
+                "completed pixels",
+                format!("{} and {}", percent(summary.completed[0]), percent(summary.completed[1])),
+            ),
+            (
+                "grid",
+                format!(
+                    "{}×{} cells of {}{unit}; {}",
+                    summary.grid_size[0],
+                    summary.grid_size[1],
+                    significant(summary.cell, 4),
+                    summary.frame
+                ),
+            ),
+            (
+                "heights",
+                format!(
+                    "{} to {}{unit}",
+                    fixed(summary.height_range[0], 2),
+                    fixed(summary.height_range[1], 2)
+                ),
+            ),
             (
                 "median sigma of the heights",
-                summary.sigma_median.map_or_else(|| "not known".into(), |s| format!("{}{unit}", significant(s, 3))),
+                summary
+                    .sigma_median
+                    .map_or_else(|| "not known".into(), |s| format!("{}{unit}", significant(s, 3))),
             ),
         ],
     )
@@ -119,16 +142,15 @@ fn photo(image: &Raster<f32>) -> anyhow::Result<Picture> {
 /// Every so many pixels of a picture that is too large for a page.
 fn shrunk<T: Copy>(raster: &Raster<T>) -> Raster<T> {
     let step = raster.width.max(raster.height).div_ceil(MAX_SIDE).max(1);
-    Raster::from_fn(raster.width.div_ceil(step), raster.height.div_ceil(step), |x, y| raster[(x * step, y * step)])
+    Raster::from_fn(raster.width.div_ceil(step), raster.height.div_ceil(step), |x, y| {
+        raster[(x * step, y * step)]
+    })
 }
 
 fn matches(pictures: &Pictures, found: &Reconstruction, names: [&str; 2]) -> anyhow::Result<Figure> {
     let [a, b] = &pictures.views;
     let (photo_a, photo_b) = (photo(&a.image)?, photo(&b.image)?);
-    let scales = [
-        photo_a.width as f64 / a.image.width as f64,
-        photo_b.width as f64 / b.image.width as f64,
-    ];
+    let scales = [photo_a.width as f64 / a.image.width as f64, photo_b.width as f64 / b.image.width as f64];
     let step = found.matches.len().div_ceil(MAX_LINES).max(1);
     let lines: Vec<Line> = found
         .matches
@@ -195,7 +217,10 @@ fn terrain(made: &Products, unit: &str) -> anyhow::Result<Vec<Figure>> {
     if let Some([high]) = statistics::quantiles(sampled, [0.98]) {
         let bar = ColorBar { map: Colormap::Inferno, low: 0.0, high, label: format!("sigma ({unit})") };
         let sigma = Panel::of_values(&shrunk(&made.dem.sigma), "Sigma of the heights", bar)?.width(HALF);
-        figures.push(Figure::svg(sigma.svg(), "What the matching itself can tell; an error of the size is not in it."));
+        figures.push(Figure::svg(
+            sigma.svg(),
+            "What the matching itself can tell; an error of the size is not in it.",
+        ));
     }
     Ok(figures)
 }
@@ -222,8 +247,10 @@ fn central_profile(made: &Products, unit: &str) -> Figure {
 }
 
 fn hazards(made: &Products) -> anyhow::Result<Figure> {
-    let color = |class: &Hazard| CLASSES.iter().find(|(c, ..)| c == class).map_or([0; 3], |(_, color, _)| *color);
-    let mut panel = Panel::new(Picture::exact(&shrunk(&made.hazard.classes.map(color)))?, "Hazards").width(HALF);
+    let color =
+        |class: &Hazard| CLASSES.iter().find(|(c, ..)| c == class).map_or([0; 3], |(_, color, _)| *color);
+    let mut panel =
+        Panel::new(Picture::exact(&shrunk(&made.hazard.classes.map(color)))?, "Hazards").width(HALF);
     for (_, color, meaning) in CLASSES {
         panel = panel.key(color, meaning);
     }
@@ -232,12 +259,28 @@ fn hazards(made: &Products) -> anyhow::Result<Figure> {
 
 fn hazard_table(made: &Products, unit: &str) -> anyhow::Result<Table> {
     let hazard = &made.summary.hazard;
-    let columns = [Column::text("limit"), Column::number("value"), Column::text("class"), Column::number("share (%)")];
+    let columns =
+        [Column::text("limit"), Column::number("value"), Column::text("class"), Column::number("share (%)")];
     let mut table = Table::new("", columns);
     let percent = |share: f64| fixed(100.0 * share, 1);
-    table.row(["slope".to_owned(), format!("{}°", significant(hazard.max_slope_deg, 3)), "safe".into(), percent(hazard.safe)])?;
-    table.row(["roughness".to_owned(), format!("{} {unit}", significant(hazard.max_roughness, 3)), "too steep".into(), percent(hazard.slope + hazard.both)])?;
-    table.row(["footprint".to_owned(), format!("{} {unit}", significant(hazard.footprint, 3)), "too rough".into(), percent(hazard.roughness + hazard.both)])?;
+    table.row([
+        "slope".to_owned(),
+        format!("{}°", significant(hazard.max_slope_deg, 3)),
+        "safe".into(),
+        percent(hazard.safe),
+    ])?;
+    table.row([
+        "roughness".to_owned(),
+        format!("{} {unit}", significant(hazard.max_roughness, 3)),
+        "too steep".into(),
+        percent(hazard.slope + hazard.both),
+    ])?;
+    table.row([
+        "footprint".to_owned(),
+        format!("{} {unit}", significant(hazard.footprint, 3)),
+        "too rough".into(),
+        percent(hazard.roughness + hazard.both),
+    ])?;
     let judged = if hazard.sigma_aware { "by value and sigma" } else { "by value alone" };
     table.row(["judged".to_owned(), judged.to_owned(), "cannot be told".into(), percent(hazard.unknown)])?;
     Ok(table)
