@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 17] = [
+const COMMANDS: [&str; 19] = [
     "demo",
     "dem info",
     "dem import",
@@ -18,6 +18,8 @@ const COMMANDS: [&str; 17] = [
     "data import",
     "data export",
     "evaluate",
+    "reconstruct",
+    "frames",
     "presets",
     "config show",
     "completions",
