@@ -1,20 +1,16 @@
 //! The similarity that leads from a prediction's unit into metres: one per pair, fitted to the truth.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 use selenograph_dataset::rng;
-use selenograph_geometry::{CamA, PredA, Rigid3, Rotation3, Sim3};
+use selenograph_geometry::{CamA, PredA, Sim3};
+use selenograph_pose::similarity;
+use selenograph_pose::solvers::umeyama::{Scaling, umeyama};
 
 /// Fewest correspondences that a similarity is fitted to here: below, a prediction has as good as no points.
 pub const MIN_POINTS: usize = 16;
-/// Residuals above this many medians are left out of the next fit.
-const TRIM_MEDIANS: f64 = 3.0;
 /// Most refits; the choice nearly always stands after five.
 const MAX_REFITS: usize = 10;
-/// Points per task: fixed, so that sums do not depend on the number of threads.
-const CHUNK: usize = 16_384;
-/// Second over first singular value below which points lie on a line.
-const COLLINEAR: f64 = 1e-12;
 /// Residuals below this share of the largest distance are the rounding of a prediction's f32 (6e-8 per coordinate), which
 /// nothing is trimmed by.
 const ROUNDING_SHARE: f64 = 1e-6;
@@ -44,7 +40,8 @@ pub enum NoAlignment {
     Degenerate,
 }
 
-/// Least squares over those correspondences whose residual is at most 3 medians, refitted until the choice stands.
+/// Least squares over all correspondences, then over those whose residual is at most 3 medians, until the choice stands
+/// ([`similarity::trimmed`]).
 ///
 /// # Shapes and units
 /// `predicted[i]` (the prediction's unit) belongs to `truth[i]` (metres in camera A); all finite.
@@ -54,27 +51,15 @@ pub fn robust(predicted: &[Point3<f64>], truth: &[Point3<f64>]) -> Result<Alignm
     if predicted.len() < MIN_POINTS {
         return Err(NoAlignment::TooFew { found: predicted.len() });
     }
-    let mut fit = umeyama(predicted, truth, None)?;
+    let fit = similarity::trimmed(predicted, truth, MAX_REFITS).map_err(|_| NoAlignment::Degenerate)?;
+    let residuals = residuals_m(&fit.to_from, predicted, truth);
     let farthest = truth.iter().map(|p| p.coords.norm_squared()).fold(0.0, f64::max).sqrt();
-    let rounding = ROUNDING_SHARE * farthest;
-    let mut residuals = residuals_m(&fit, predicted, truth);
-    let mut num_kept = predicted.len();
-    let mut median = median_of(&residuals);
-    for _ in 0..MAX_REFITS {
-        let cut = (TRIM_MEDIANS * median).max(rounding);
-        let next_kept = residuals.iter().filter(|r| **r <= cut).count();
-        if next_kept == num_kept {
-            break;
-        }
-        num_kept = next_kept;
-        fit = umeyama(predicted, truth, Some((&residuals, cut)))?;
-        residuals = residuals_m(&fit, predicted, truth);
-        median = median_of(&residuals);
-    }
+    let cut = fit.threshold.max(ROUNDING_SHARE * farthest);
+    let num_kept = residuals.iter().filter(|r| **r <= cut).count();
     Ok(Alignment {
-        cam_a_from_pred: fit,
+        cam_a_from_pred: fit.to_from,
         inlier_share: num_kept as f64 / predicted.len() as f64,
-        residual_median_m: median,
+        residual_median_m: median_of(residuals),
     })
 }
 
@@ -106,7 +91,7 @@ pub fn ransac_paper(
     while round < MAX_ROUNDS && (round as f64) < needed {
         round += 1;
         let sample: [usize; SAMPLE] = std::array::from_fn(|_| stream.index(source.len()));
-        let Ok(fit) = umeyama(&sample.map(|idx| source[idx]), &sample.map(|idx| target[idx]), None) else {
+        let Some(fit) = umeyama(sample.map(|idx| (source[idx], target[idx], 1.0)), Scaling::Free) else {
             continue;
         };
         let inliers: Vec<f64> =
@@ -123,7 +108,7 @@ pub fn ransac_paper(
     Ok(Alignment {
         cam_a_from_pred: fit,
         inlier_share: count as f64 / source.len() as f64,
-        residual_median_m: median_of(&residuals_m(&fit, predicted, truth)),
+        residual_median_m: median_of(residuals_m(&fit, predicted, truth)),
     })
 }
 
@@ -165,77 +150,16 @@ impl Carry {
     }
 }
 
-fn median_of(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
+fn median_of(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// The least-squares similarity of all correspondences, or of those whose residual is at most a cut.
-///
-/// # Source
-/// Umeyama 1991, "Least-squares estimation of transformation parameters between two point patterns", IEEE TPAMI 13(4),
-/// eqs. 40-43.
-fn umeyama(
-    from: &[Point3<f64>],
-    to: &[Point3<f64>],
-    kept: Option<(&[f64], f64)>,
-) -> Result<Sim3<CamA, PredA>, NoAlignment> {
-    let keeps = |idx: usize| kept.is_none_or(|(residuals, cut)| residuals[idx] <= cut);
-    let chunks = || (0..from.len().div_ceil(CHUNK)).into_par_iter();
-    let range =
-        |chunk: usize| (chunk * CHUNK..((chunk + 1) * CHUNK).min(from.len())).filter(|idx| keeps(*idx));
-    let sums: Vec<(usize, Vector3<f64>, Vector3<f64>)> = chunks()
-        .map(|chunk| {
-            range(chunk).fold((0, Vector3::zeros(), Vector3::zeros()), |(n, f, t), idx| {
-                (n + 1, f + from[idx].coords, t + to[idx].coords)
-            })
-        })
-        .collect();
-    let (count, from_sum, to_sum) = sums
-        .into_iter()
-        .fold((0, Vector3::zeros(), Vector3::zeros()), |(n, f, t), (dn, df, dt)| (n + dn, f + df, t + dt));
-    let (from_mean, to_mean) = (from_sum / count as f64, to_sum / count as f64);
-    let moments: Vec<(f64, Matrix3<f64>)> = chunks()
-        .map(|chunk| {
-            range(chunk).fold((0.0, Matrix3::zeros()), |(variance, covariance), idx| {
-                let (f, t) = (from[idx].coords - from_mean, to[idx].coords - to_mean);
-                (variance + f.norm_squared(), covariance + t * f.transpose())
-            })
-        })
-        .collect();
-    let (variance, covariance) =
-        moments.into_iter().fold((0.0, Matrix3::zeros()), |(v, c), (dv, dc)| (v + dv, c + dc));
-    solve(variance, &covariance, &from_mean, &to_mean)
-}
-
-fn solve(
-    variance: f64,
-    covariance: &Matrix3<f64>,
-    from_mean: &Vector3<f64>,
-    to_mean: &Vector3<f64>,
-) -> Result<Sim3<CamA, PredA>, NoAlignment> {
-    if !(variance > 0.0 && covariance.iter().all(|c| c.is_finite())) {
-        return Err(NoAlignment::Degenerate);
-    }
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(NoAlignment::Degenerate) };
-    let singular = svd.singular_values;
-    if singular[1] <= COLLINEAR * singular[0] {
-        return Err(NoAlignment::Degenerate);
-    }
-    let sign = if u.determinant() * v_t.determinant() < 0.0 { -1.0 } else { 1.0 };
-    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-    let scale = (singular[0] + singular[1] + sign * singular[2]) / variance;
-    let origin = Point3::from(to_mean - rotation * from_mean * scale);
-    Sim3::new(scale, Rigid3::new(Rotation3::from_matrix_unchecked(rotation), origin))
-        .map_err(|_| NoAlignment::Degenerate)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use selenograph_geometry::{Rigid3, Rotation3, Vector3};
 
     /// Rounding of f64 at the distances used, far below anything measured.
     const EXACT_M: f64 = 1e-6;

@@ -69,8 +69,10 @@ impl Reference {
         let present = points_in_cam_a.each_ref().map(|points| points.map(|p| p.z.is_finite()));
         let numbers = pair_numbers(&truth, &points_in_cam_a, &seen);
         let footprint_m = numbers.footprint_m;
-        let surface = footprint_m.map(|m| true_surface(&truth, &points_in_cam_a[0], m, &settings.clone()));
-        let dequantised = footprint_m.and_then(|m| dequantised_surface(&truth, m, settings));
+        let (surface, dequantised) = rayon::join(
+            || footprint_m.map(|m| true_surface(&truth, &points_in_cam_a[0], m, settings)),
+            || footprint_m.and_then(|m| dequantised_surface(&truth, m, settings)),
+        );
         let plane = Plane::fit(points_in_cam_a[0].data.iter());
         let plane_error_m =
             points_in_cam_a[0].map(|p| plane.map_or(f64::NAN, |plane| plane.error_of(p)) + 0.0 * p.z);
@@ -79,7 +81,7 @@ impl Reference {
             let ceiling = surfaces.map(|(stored, smooth)| smooth.scores(stored, &masks[0]));
             RegionReference::new(region, masks, &points_in_cam_a, settings, ceiling)
         };
-        let (overlap, full) = (region(Region::Overlap, seen), region(Region::Full, present));
+        let (overlap, full) = rayon::join(|| region(Region::Overlap, seen), || region(Region::Full, present));
         let settings = settings.clone();
         Ok(Self { truth, settings, points_in_cam_a, plane_error_m, surface, overlap, full, numbers })
     }
@@ -131,12 +133,9 @@ impl Reference {
         let subject = answers.as_ref().map(|answers| Subject::new(self, answers, promise));
         let region =
             |which: &RegionReference| measure_region(self, which, subject.as_ref(), promise, &no_points);
-        let mut metrics = PairMetrics {
-            numbers: self.numbers.clone(),
-            overlap: region(&self.overlap),
-            full: region(&self.full),
-            ..PairMetrics::default()
-        };
+        let (overlap, full) = rayon::join(|| region(&self.overlap), || region(&self.full));
+        let mut metrics =
+            PairMetrics { numbers: self.numbers.clone(), overlap, full, ..PairMetrics::default() };
         metrics.pose_failed = pose(&self.truth, prediction, &mut metrics.numbers, &mut metrics.missing);
         metrics.numbers.keep_finite();
         for (key, value) in metrics.numbers.iter() {
