@@ -152,7 +152,7 @@ fn a_thinned_cloud_of_the_truth_scores_its_floor() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(6))]
+    #![proptest_config(ProptestConfig { cases: 6, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn scale_and_turn_of_a_prediction_change_nothing(
         unit_per_m in 1e-5..10.0f64,
