@@ -56,7 +56,7 @@ macro_rules! numbers {
         #[serde(default)]
         pub struct $name {
             $(
-                #[doc = concat!("[", $unit, "] ", $text, ".")]
+                #[doc = concat!($text, " (unit: `", $unit, "`).")]
                 pub $key: Option<f64>,
             )*
         }
