@@ -24,6 +24,10 @@ const MIN_REFINED_SHARE: f64 = 0.5;
 pub struct SiftOptions {
     /// How features are found.
     pub features: sift::Options,
+    /// How they are found where the first ones give no pose, or one with fewer inliers than `retry_below`.
+    pub retry: sift::Options,
+    /// Inliers below which features are looked for again; 0 tries once.
+    pub retry_below: usize,
     /// Which of them match.
     pub matching: matching::Options,
     /// Largest Sampson distance of an inlier among feature matches, pixels.
@@ -40,6 +44,12 @@ impl Default for SiftOptions {
     fn default() -> Self {
         Self {
             features: sift::Options::default(),
+            retry: sift::Options {
+                first_octave: sift::FirstOctave::Doubled,
+                max_keypoints: 4000,
+                ..sift::Options::default()
+            },
+            retry_below: 80,
             matching: matching::Options::default(),
             threshold_px: 1.0,
             subpixel: Some(subpixel::Options::default()),
@@ -150,26 +160,32 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
-    let (features_a, features_b) = rayon::join(
-        || sift::detect_in(&seen_a, &options.features),
-        || sift::detect_in(&seen_b, &options.features),
-    );
-    durations.features = clock.lap();
-    let found = matching::sift(&features_a, &features_b, &options.matching);
-    durations.matching = clock.lap();
-    let mut counts = Counts {
-        features: [features_a.keypoints.len(), features_b.keypoints.len()],
-        matches: found.len(),
-        ..Counts::default()
-    };
     let cameras = [&a.camera, &b.camera];
     let robust = |threshold_px: f64| RelativeOptions {
         threshold: threshold_px / focal_px(cameras),
         seed: options.seed,
         ..RelativeOptions::default()
     };
-    let first = Estimated::new(&found, None, cameras, &robust(options.threshold_px))?;
-    durations.estimate = clock.lap();
+    let mut counts = Counts::default();
+    let mut attempt = |features: &sift::Options| {
+        let found =
+            matched([&seen_a, &seen_b], features, &options.matching, &mut counts, &mut durations, &mut clock);
+        let estimated = Estimated::new(&found, None, cameras, &robust(options.threshold_px));
+        durations.estimate += clock.lap();
+        estimated.map(|estimated| (found, estimated))
+    };
+    let mut first = attempt(&options.features);
+    let scarce = first.as_ref().map_or(true, |(_, first)| first.num_inliers() < options.retry_below);
+    if scarce && options.features != options.retry {
+        let again = attempt(&options.retry);
+        let better = |(_, again): &(_, Estimated)| {
+            first.as_ref().map_or(true, |(_, first)| again.num_inliers() > first.num_inliers())
+        };
+        if again.as_ref().is_ok_and(better) {
+            first = again;
+        }
+    }
+    let (found, first) = first?;
     let seeds = first.inliers(&found);
     counts.first_inliers = seeds.len();
     let refined = match &options.subpixel {
@@ -189,6 +205,24 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
         .flatten();
     durations.refinement = clock.lap();
     Ok(second.unwrap_or(first).into_pair(counts, durations))
+}
+
+/// Features of both pictures and their matches.
+fn matched(
+    [a, b]: [&Intensity; 2],
+    features: &sift::Options,
+    matching: &matching::Options,
+    counts: &mut Counts,
+    durations: &mut Durations,
+    clock: &mut Clock,
+) -> Vec<Match> {
+    let (a, b) = rayon::join(|| sift::detect_in(a, features), || sift::detect_in(b, features));
+    durations.features += clock.lap();
+    let found = matching::sift(&a, &b, matching);
+    durations.matching += clock.lap();
+    counts.features = [a.keypoints.len(), b.keypoints.len()];
+    counts.matches = found.len();
+    found
 }
 
 /// The paper's baseline: ORB, cross-checked Hamming neighbours, five-point RANSAC; `options.refinement` decides whether anything follows.
@@ -294,8 +328,12 @@ impl Estimated {
         found.iter().zip(&self.pose.inliers).filter(|(_, inlier)| **inlier).map(|(m, _)| *m).collect()
     }
 
+    fn num_inliers(&self) -> usize {
+        self.pose.inliers.iter().filter(|inlier| **inlier).count()
+    }
+
     fn into_pair(self, counts: Counts, durations: Durations) -> PairPose {
-        let inliers = self.pose.inliers.iter().filter(|inlier| **inlier).count();
+        let inliers = self.num_inliers();
         PairPose { pose: self.pose, matches: self.matches, counts: Counts { inliers, ..counts }, durations }
     }
 }

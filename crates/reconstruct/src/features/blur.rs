@@ -33,21 +33,24 @@ pub fn gaussian(source: &Raster<f32>, sigma: f64) -> Raster<f32> {
 pub fn symmetric(source: &Raster<f32>, half: &[f32]) -> Raster<f32> {
     let (width, height, reach) = (source.width, source.height, half.len() - 1);
     let mut out = Raster { width, height, data: vec![0.0f32; width * height] };
-    out.data.par_chunks_mut(STRIP_ROWS * width).enumerate().for_each(|(strip_idx, strip)| {
-        let top = strip_idx * STRIP_ROWS;
-        let rows = strip.len() / width;
-        let mut padded = vec![0.0f32; width + 2 * reach];
-        let mut along_rows = vec![0.0f32; (rows + 2 * reach) * width];
-        for (i, target) in along_rows.chunks_exact_mut(width).enumerate() {
-            let y = (top + i).saturating_sub(reach).min(height - 1);
-            let row = source.row(y);
-            padded[..reach].fill(row[0]);
-            padded[reach..reach + width].copy_from_slice(row);
-            padded[reach + width..].fill(row[width - 1]);
-            convolve_row(&padded, half, target);
-        }
-        convolve_columns(&along_rows, width, half, strip);
-    });
+    let room = || (vec![0.0f32; width + 2 * reach], vec![0.0f32; (STRIP_ROWS + 2 * reach) * width]);
+    out.data.par_chunks_mut(STRIP_ROWS * width).enumerate().for_each_init(
+        room,
+        |(padded, along_rows), (strip_idx, strip)| {
+            let top = strip_idx * STRIP_ROWS;
+            let rows = strip.len() / width;
+            let along_rows = &mut along_rows[..(rows + 2 * reach) * width];
+            for (i, target) in along_rows.chunks_exact_mut(width).enumerate() {
+                let y = (top + i).saturating_sub(reach).min(height - 1);
+                let row = source.row(y);
+                padded[..reach].fill(row[0]);
+                padded[reach..reach + width].copy_from_slice(row);
+                padded[reach + width..].fill(row[width - 1]);
+                convolve_row(padded, half, target);
+            }
+            convolve_columns(along_rows, width, half, strip);
+        },
+    );
     out
 }
 

@@ -1,22 +1,14 @@
 //! Nearest neighbours of unit vectors: a blocked product of two matrices, of which only the largest entries are kept.
 #![allow(clippy::needless_range_loop, reason = "arrays of one fixed length side by side: what vectorises")]
 
+use super::tile::{COLUMNS, Panel, Products, ROWS, products};
 use super::{Nearest, Neighbours};
 use crate::dispatch::widest;
 use crate::features::sift::{DESCRIPTOR_LEN, Descriptor};
 use rayon::prelude::*;
 
-/// Descriptors of B multiplied together, side by side.
-const COLUMNS: usize = 32;
-
-/// Descriptors of A multiplied together: with the columns above their sums stay in registers.
-const ROWS: usize = 4;
-
 /// Descriptors of A of one piece of work.
 const CHUNK: usize = 128;
-
-/// Columns of descriptors, entry by entry: `[entry][column]`.
-type Panel = [[f32; COLUMNS]; DESCRIPTOR_LEN];
 
 /// The largest and second largest product of each of a few rows, lane by lane.
 #[derive(Clone, Copy)]
@@ -76,68 +68,63 @@ fn panel(descriptors: &[Descriptor]) -> Box<Panel> {
     panel
 }
 
-widest! {
-    /// All products of up to [`ROWS`] descriptors with all panels.
-    fn multiply(rows: &[Descriptor], panels: &[Box<Panel>], first: u32, columns: &mut ColumnBest, of_a: &mut Vec<Nearest>)
-        = multiply_body
-}
-
-#[inline(always)]
-fn multiply_body(
+/// All products of up to [`ROWS`] descriptors with all panels.
+fn multiply(
     rows: &[Descriptor],
     panels: &[Box<Panel>],
     first: u32,
     columns: &mut ColumnBest,
     of_a: &mut Vec<Nearest>,
 ) {
-    // The last rows stand in for missing ones; their results are dropped.
+    // The last row stands in for missing ones; their results are dropped.
     let last = rows.len() - 1;
-    let a = [&rows[0], &rows[1.min(last)], &rows[2.min(last)], &rows[3.min(last)]];
+    let a = std::array::from_fn(|r| &rows[r.min(last)]);
+    let idx: [u32; ROWS] = std::array::from_fn(|r| first + r.min(last) as u32);
     let none = RowBest { best: [-1.0; COLUMNS], second: [-1.0; COLUMNS], panel: [0; COLUMNS] };
     let mut found = [none; ROWS];
     for (p, panel) in panels.iter().enumerate() {
-        let products = tile(a, panel);
-        let (best, row) = (&mut columns.best[p], &mut columns.row[p]);
+        let products = products(a, panel);
         for r in 0..ROWS {
-            let f = &mut found[r];
-            for j in 0..COLUMNS {
-                let v = products[r][j];
-                let larger = v > f.best[j];
-                f.second[j] = f.second[j].max(if larger { f.best[j] } else { v });
-                f.best[j] = if larger { v } else { f.best[j] };
-                f.panel[j] = if larger { p as u32 } else { f.panel[j] };
-            }
-            let idx = first + r.min(last) as u32;
-            for j in 0..COLUMNS {
-                let larger = products[r][j] > best[j];
-                best[j] = if larger { products[r][j] } else { best[j] };
-                row[j] = if larger { idx } else { row[j] };
-            }
+            update(&products, r, p as u32, idx[r], &mut found[r], &mut columns.best[p], &mut columns.row[p]);
         }
     }
-    for found in &found[..rows.len()] {
-        of_a.push(nearest(found));
-    }
+    of_a.extend(found[..rows.len()].iter().map(nearest));
 }
 
-/// Products of four descriptors with a panel.
+widest! {
+    /// Keeps what is larger than before, for a row and for each column.
+    fn update(
+        products: &Products, r: usize, panel: u32, idx: u32,
+        found: &mut RowBest, best: &mut [f32; COLUMNS], row: &mut [u32; COLUMNS],
+    ) = update_body
+}
+
 #[inline(always)]
-fn tile(a: [&Descriptor; ROWS], panel: &Panel) -> [[f32; COLUMNS]; ROWS] {
-    let mut sums = [[0.0f32; COLUMNS]; ROWS];
-    for k in 0..DESCRIPTOR_LEN {
-        let entries = &panel[k];
-        for r in 0..ROWS {
-            let factor = a[r][k];
-            for j in 0..COLUMNS {
-                sums[r][j] += factor * entries[j];
-            }
-        }
+fn update_body(
+    products: &Products,
+    r: usize,
+    panel: u32,
+    idx: u32,
+    found: &mut RowBest,
+    best: &mut [f32; COLUMNS],
+    row: &mut [u32; COLUMNS],
+) {
+    let products = &products[r];
+    for j in 0..COLUMNS {
+        let v = products[j];
+        let larger = v > found.best[j];
+        found.second[j] = found.second[j].max(if larger { found.best[j] } else { v });
+        found.best[j] = if larger { v } else { found.best[j] };
+        found.panel[j] = if larger { panel } else { found.panel[j] };
     }
-    sums
+    for j in 0..COLUMNS {
+        let larger = products[j] > best[j];
+        best[j] = if larger { products[j] } else { best[j] };
+        row[j] = if larger { idx } else { row[j] };
+    }
 }
 
 /// The best of all lanes, and how it compares with the second best.
-#[inline(always)]
 fn nearest(found: &RowBest) -> Nearest {
     let mut lane = 0;
     for j in 1..COLUMNS {

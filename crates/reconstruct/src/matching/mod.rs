@@ -2,6 +2,7 @@
 
 mod dot;
 mod hamming;
+mod tile;
 
 use crate::features::{Features, orb, sift};
 use selenograph_geometry::Point2;

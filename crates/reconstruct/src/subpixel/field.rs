@@ -1,15 +1,17 @@
 //! A smooth field of displacements through scattered ones.
 
+use crate::dispatch::widest;
+use selenograph_geometry::pixel::center_of;
 use selenograph_geometry::{Point2, Vector2};
 
 /// Distance of the field's nodes, pixels.
 const STEP_PX: f64 = 8.0;
 
 /// Standard deviations of the smoothing, coarse to fine, in nodes.
-const SIGMAS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
+const SIGMAS: [f32; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
 
 /// How many matches the field of zero displacement counts for, where matches are few.
-const PRIOR_MATCHES: f64 = 0.3;
+const PRIOR_MATCHES: f32 = 0.3;
 
 /// Displacements further than this many times the typical one from the field are left out, pixels.
 const OUTLIER_FACTOR: f64 = 5.0;
@@ -42,21 +44,21 @@ impl Field {
         let [columns, rows] = size.map(|side| (side as f64 / STEP_PX).ceil() as usize + 1);
         let mut field = Self { columns, rows, nodes: vec![[0.0; 2]; columns * rows] };
         for sigma in SIGMAS {
-            let mut sums = vec![[0.0f64; 3]; columns * rows];
+            let mut sums = vec![[0.0f32; 3]; columns * rows];
             for (at, displacement) in points {
                 let left = displacement - field.at(at);
                 let (corners, shares) = field.corners(at);
                 for (corner, share) in corners.into_iter().zip(shares) {
                     for (sum, value) in sums[corner].iter_mut().zip([left.x, left.y, 1.0]) {
-                        *sum += share * value;
+                        *sum += (share * value) as f32;
                     }
                 }
             }
             blur(&mut sums, columns, rows, sigma);
-            let prior = PRIOR_MATCHES / (std::f64::consts::TAU * sigma * sigma);
+            let prior = PRIOR_MATCHES / (std::f32::consts::TAU * sigma * sigma);
             for (node, [x, y, count]) in field.nodes.iter_mut().zip(&sums) {
-                node[0] += x / (count + prior);
-                node[1] += y / (count + prior);
+                node[0] += f64::from(x / (count + prior));
+                node[1] += f64::from(y / (count + prior));
             }
         }
         field
@@ -80,6 +82,25 @@ impl Field {
         )
     }
 
+    /// Adds the displacements at the pixels of a row.
+    pub(super) fn add_row(&self, y: f64, bx: &mut [f64], by: &mut [f64]) {
+        let (corners, shares) = self.corners(&Point2::new(0.0, y));
+        let (above, below) =
+            (&self.nodes[corners[0]..][..self.columns], &self.nodes[corners[2]..][..self.columns]);
+        let node = |c: usize, k: usize| shares[0] * above[c][k] + shares[2] * below[c][k];
+        let step = STEP_PX as usize;
+        for (c, (bx, by)) in bx.chunks_mut(step).zip(by.chunks_mut(step)).enumerate() {
+            let c = c.min(self.columns - 1);
+            let right = (c + 1).min(self.columns - 1);
+            for (k, b) in [bx, by].into_iter().enumerate() {
+                let (first, rise) = (node(c, k), (node(right, k) - node(c, k)) / STEP_PX);
+                for (i, b) in b.iter_mut().enumerate() {
+                    *b += first + rise * center_of(i);
+                }
+            }
+        }
+    }
+
     /// The displacement at a point.
     #[inline]
     pub(super) fn at(&self, point: &Point2<f64>) -> Vector2<f64> {
@@ -94,32 +115,42 @@ impl Field {
 }
 
 /// A Gaussian blur that keeps sums: what would leave the grid is lost.
-fn blur(nodes: &mut [[f64; 3]], columns: usize, rows: usize, sigma: f64) {
+fn blur(nodes: &mut Vec<[f32; 3]>, columns: usize, rows: usize, sigma: f32) {
     let reach = (3.0 * sigma).ceil() as usize;
-    let taps: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
-    let sum = taps[0] + 2.0 * taps[1..].iter().sum::<f64>();
-    let mut line = vec![[0.0; 3]; columns.max(rows)];
-    let mut along = |start: usize, stride: usize, count: usize| {
-        for (i, target) in line[..count].iter_mut().enumerate() {
-            *target = [0.0; 3];
-            for j in i.saturating_sub(reach)..(i + reach + 1).min(count) {
-                let tap = taps[i.abs_diff(j)] / sum;
-                let source = &nodes[start + j * stride];
-                for k in 0..3 {
-                    target[k] += tap * source[k];
-                }
-            }
+    let taps: Vec<f32> = (0..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
+    let sum = taps[0] + 2.0 * taps[1..].iter().sum::<f32>();
+    let taps: Vec<f32> = taps.iter().map(|tap| tap / sum).collect();
+    *nodes = transposed(&down_columns(nodes, columns, &taps), columns);
+    *nodes = transposed(&down_columns(nodes, rows, &taps), rows);
+}
+
+/// Convolution from row to row, whole rows at a time.
+fn down_columns(nodes: &[[f32; 3]], columns: usize, taps: &[f32]) -> Vec<[f32; 3]> {
+    let (rows, reach) = (nodes.len() / columns, taps.len() - 1);
+    let mut out = vec![[0.0f32; 3]; nodes.len()];
+    for (i, target) in out.chunks_exact_mut(columns).enumerate() {
+        for j in i.saturating_sub(reach)..(i + reach + 1).min(rows) {
+            let source = nodes[j * columns..(j + 1) * columns].as_flattened();
+            add_scaled(target.as_flattened_mut(), taps[i.abs_diff(j)], source);
         }
-        for (i, value) in line[..count].iter().enumerate() {
-            nodes[start + i * stride] = *value;
-        }
-    };
-    for row in 0..rows {
-        along(row * columns, 1, columns);
     }
-    for column in 0..columns {
-        along(column, columns, rows);
+    out
+}
+
+widest! {
+    fn add_scaled(target: &mut [f32], factor: f32, source: &[f32]) = add_scaled_body
+}
+
+#[inline(always)]
+fn add_scaled_body(target: &mut [f32], factor: f32, source: &[f32]) {
+    for (target, source) in target.iter_mut().zip(source) {
+        *target += factor * source;
     }
+}
+
+fn transposed(nodes: &[[f32; 3]], columns: usize) -> Vec<[f32; 3]> {
+    let rows = nodes.len() / columns;
+    (0..nodes.len()).map(|i| nodes[i % rows * columns + i / rows]).collect()
 }
 
 #[cfg(test)]
@@ -141,6 +172,10 @@ mod tests {
             *displacement += Vector2::new(30.0, -20.0);
         }
         let field = Field::fit([512, 512], &points);
+        let (mut bx, mut by) = (vec![0.0; 512], vec![0.0; 512]);
+        field.add_row(center_of(77), &mut bx, &mut by);
+        let at = field.at(&Point2::new(center_of(301), center_of(77)));
+        assert!((bx[301] - at.x).hypot(by[301] - at.y) < 1e-9);
         for (x, y) in [(100.0, 100.0), (250.0, 333.0), (420.0, 60.0)] {
             let at = Point2::new(x, y);
             assert!(

@@ -1,14 +1,19 @@
 //! The homography that fits most matches, for carrying pixels from A to B.
 
+use crate::dispatch::widest;
 use crate::matching::Match;
 use nalgebra::{SMatrix, SVector};
 use selenograph_geometry::Point2;
+use selenograph_geometry::pixel::center_of;
 
 /// Rounds of reweighting.
 const ROUNDS: usize = 8;
 
 /// Residual at which a match counts half, pixels: relief moves points by some.
 const HALF_WEIGHT_PX: f64 = 3.0;
+
+/// Denominators below this are beyond the horizon, or nearly.
+const HORIZON: f64 = 1e-3;
 
 /// `b = (H a) / (h · a)` in coordinates around the matches' middles.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +67,7 @@ impl Homography {
         let [x, y] = [(a.x - self.middle_a.x) / self.unit, (a.y - self.middle_a.y) / self.unit];
         let h = &self.h;
         let w = h[6] * x + h[7] * y + 1.0;
-        (w > 1e-3).then(|| {
+        (w > HORIZON).then(|| {
             let scale = self.unit / w;
             Point2::new(
                 self.middle_b.x + scale * (h[0] * x + h[1] * y + h[2]),
@@ -71,12 +76,43 @@ impl Homography {
         })
     }
 
+    /// Where the pixels of a row of A lie in B; NaN at and beyond the horizon.
+    pub(super) fn row(&self, y: f64, bx: &mut [f64], by: &mut [f64]) {
+        let v = (y - self.middle_a.y) / self.unit;
+        let h = &self.h;
+        let linear = |slope: f64, constant: f64| {
+            let slope = slope / self.unit;
+            [slope, constant + slope * (center_of(0) - self.middle_a.x)]
+        };
+        let rows =
+            [linear(h[0], h[1] * v + h[2]), linear(h[3], h[4] * v + h[5]), linear(h[6], h[7] * v + 1.0)];
+        along_row(&rows, self.unit, [self.middle_b.x, self.middle_b.y], bx, by);
+    }
+
     /// Pixels of B a pixel of A, by area.
     pub(super) fn scale_at(&self, a: &Point2<f64>) -> f64 {
         let at = |dx: f64, dy: f64| self.point(&Point2::new(a.x + dx, a.y + dy));
         let (Some(o), Some(x), Some(y)) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)) else { return 1.0 };
         let (x, y) = (x - o, y - o);
         (x.x * y.y - x.y * y.x).abs().sqrt()
+    }
+}
+
+widest! {
+    /// `middle + unit · (p + q i) / (r + s i)` for both coordinates.
+    fn along_row(rows: &[[f64; 2]; 3], unit: f64, middle: [f64; 2], bx: &mut [f64], by: &mut [f64]) = along_row_body
+}
+
+#[inline(always)]
+fn along_row_body(rows: &[[f64; 2]; 3], unit: f64, middle: [f64; 2], bx: &mut [f64], by: &mut [f64]) {
+    let n = bx.len().min(by.len());
+    let (bx, by) = (&mut bx[..n], &mut by[..n]);
+    for i in 0..n {
+        let x = i as u32 as f64;
+        let w = rows[2][1] + rows[2][0] * x;
+        let scale = if w > HORIZON { unit / w } else { f64::NAN };
+        bx[i] = middle[0] + scale * (rows[0][1] + rows[0][0] * x);
+        by[i] = middle[1] + scale * (rows[1][1] + rows[1][0] * x);
     }
 }
 
@@ -101,6 +137,10 @@ mod tests {
         let fitted = Homography::fit(&matches).unwrap();
         let probe = Point2::new(250.0, 130.0);
         assert!((fitted.point(&probe).unwrap() - truth(250.0, 130.0)).norm() < 0.2);
+        let (mut bx, mut by) = (vec![0.0; 300], vec![0.0; 300]);
+        fitted.row(center_of(130), &mut bx, &mut by);
+        let at = fitted.point(&Point2::new(center_of(250), center_of(130))).unwrap();
+        assert!((bx[250] - at.x).hypot(by[250] - at.y) < 1e-9);
         assert!((fitted.scale_at(&probe) - 0.95).abs() < 0.05);
     }
 }

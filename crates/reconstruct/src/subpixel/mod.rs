@@ -59,8 +59,8 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            spacing_px: 10,
-            smoothing_px: 0.7,
+            spacing_px: 14,
+            smoothing_px: 0.5,
             camera_blur_px: 0.65,
             max_shift_px: 2.5,
             max_return_px: 0.1,

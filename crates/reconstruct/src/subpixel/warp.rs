@@ -24,11 +24,12 @@ impl Warp {
     /// `image` (of B) on the pixels of A; NaN outside.
     pub(super) fn apply(&self, image: &Raster<f32>, [width, height]: [usize; 2]) -> Raster<f32> {
         let mut out = Raster { width, height, data: vec![f32::NAN; width * height] };
-        out.data.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-            for (x, grey) in row.iter_mut().enumerate() {
-                if let Some(b) = self.point(Point2::new(center_of(x), center_of(y))) {
-                    *grey = cubic(image, sample_position(b.x), sample_position(b.y));
-                }
+        let room = || (vec![0.0; width], vec![0.0; width]);
+        out.data.par_chunks_mut(width.max(1)).enumerate().for_each_init(room, |(bx, by), (y, row)| {
+            self.homography.row(center_of(y), bx, by);
+            self.field.add_row(center_of(y), bx, by);
+            for (grey, (x, y)) in row.iter_mut().zip(bx.iter().zip(by.iter())) {
+                *grey = cubic(image, sample_position(*x), sample_position(*y));
             }
         });
         out
@@ -45,12 +46,13 @@ pub(super) fn cubic_weights(t: f32) -> [f32; 4] {
 /// Cubic interpolation between samples; NaN where its 4 × 4 samples leave the picture.
 #[inline]
 fn cubic(image: &Raster<f32>, x: f64, y: f64) -> f32 {
-    let (left, top) = (x.floor(), y.floor());
-    if !(left >= 1.0 && top >= 1.0 && left + 3.0 <= image.width as f64 && top + 3.0 <= image.height as f64) {
+    if !(x >= 1.0 && y >= 1.0 && x < image.width as f64 - 2.0 && y < image.height as f64 - 2.0) {
         return f32::NAN;
     }
-    let (wx, wy) = (cubic_weights((x - left) as f32), cubic_weights((y - top) as f32));
-    let first = (top as usize - 1) * image.width + left as usize - 1;
+    // Truncation is the floor of what is positive.
+    let (left, top) = (x as usize, y as usize);
+    let (wx, wy) = (cubic_weights((x - left as f64) as f32), cubic_weights((y - top as f64) as f32));
+    let first = (top - 1) * image.width + left - 1;
     let mut sum = 0.0;
     for (j, wy) in wy.into_iter().enumerate() {
         let from = first + j * image.width;

@@ -110,8 +110,9 @@ pub(super) fn orientations(image: &Raster<f32>, at: &Extremum, samples: &mut Sam
     samples.resolve(0.5 / (sigma * sigma));
     let mut histogram = [0.0f32; DIRECTION_BINS];
     for (magnitude, angle) in samples.magnitude.iter().zip(&samples.angle) {
-        let bin = (angle * (DIRECTION_BINS as f32 / TAU)).round() as i32;
-        histogram[bin.rem_euclid(DIRECTION_BINS as i32) as usize] += magnitude;
+        // Shifted by a turn, so that truncation rounds.
+        let bin = (angle * (DIRECTION_BINS as f32 / TAU) + (DIRECTION_BINS as f32 + 0.5)) as usize;
+        histogram[bin % DIRECTION_BINS] += magnitude;
     }
     peaks(&smoothed(&histogram))
 }

@@ -27,6 +27,9 @@ pub type Descriptor = [f32; DESCRIPTOR_LEN];
 /// Keypoints of one piece of work.
 const CHUNK: usize = 32;
 
+/// Rows whose keypoints are described one level after the other.
+const BAND_ROWS: u32 = 32;
+
 /// Absent samples may come this close to a keypoint, in its standard deviations.
 const KNOWN_SIGMAS: f64 = 4.0;
 
@@ -35,9 +38,9 @@ const KNOWN_SIGMAS: f64 = 4.0;
 #[serde(rename_all = "kebab-case")]
 pub enum FirstOctave {
     /// The picture enlarged twice: more and smaller features.
-    #[default]
     Doubled,
     /// The picture as it is: four times less work.
+    #[default]
     Original,
 }
 
@@ -61,10 +64,10 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            first_octave: FirstOctave::Doubled,
-            contrast: 0.02,
+            first_octave: FirstOctave::Original,
+            contrast: 0.01,
             edge_ratio: 10.0,
-            max_keypoints: 2000,
+            max_keypoints: 1000,
             spread_cells: 16,
         }
     }
@@ -96,7 +99,10 @@ pub fn detect_in(intensity: &Intensity, options: &Options) -> Features<Descripto
     let candidates: Vec<_> = known.iter().map(|&i| places[i]).collect();
     let size = [intensity.image.width, intensity.image.height];
     let kept = spread::spread(&candidates, size, options.spread_cells, options.max_keypoints);
-    let kept: Vec<Extremum> = kept.into_iter().map(|i| found[known[i]]).collect();
+    // Neighbours one after the other: their surroundings stay in the cache.
+    let mut kept: Vec<usize> = kept.into_iter().map(|i| known[i]).collect();
+    kept.sort_unstable_by_key(|&i| (found[i].octave_idx, found[i].y as u32 / BAND_ROWS, found[i].level, i));
+    let kept: Vec<Extremum> = kept.into_iter().map(|i| found[i]).collect();
     describe_all(&octaves, &kept)
 }
 
