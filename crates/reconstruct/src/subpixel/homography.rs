@@ -141,6 +141,8 @@ mod tests {
         fitted.row(center_of(130), &mut bx, &mut by);
         let at = fitted.point(&Point2::new(center_of(250), center_of(130))).unwrap();
         assert!((bx[250] - at.x).hypot(by[250] - at.y) < 1e-9);
-        assert!((fitted.scale_at(&probe) - 0.95).abs() < 0.05);
+        let [o, x, y] = [truth(250.0, 130.0), truth(251.0, 130.0), truth(250.0, 131.0)];
+        let area = (x - o).perp(&(y - o)).abs();
+        assert!((fitted.scale_at(&probe) - area.sqrt()).abs() < 0.01);
     }
 }

@@ -31,6 +31,9 @@ use window::{Aligned, RADIUS};
 /// Points of one piece of work.
 const CHUNK: usize = 32;
 
+/// Blur before every second sample is taken, samples.
+const HALVING_SIGMA: f64 = 1.0;
+
 /// Fewer matches fix no homography.
 const MIN_SEEDS: usize = 8;
 
@@ -96,16 +99,16 @@ pub fn refine(a: &Intensity, b: &Intensity, seeds: &[Match], options: &Options) 
     let size = [a.image.width, a.image.height];
     let mut known: Vec<(Point2<f64>, Point2<f64>)> = seeds.iter().map(|m| (m.a, m.b)).collect();
     let pictures = Pictures::new(a, b, &homography, options);
-    let mut found = Vec::new();
     for pass in 0..=options.passes {
         let warp =
             Warp { field: Field::fit(size, &residuals(&homography, &known)), homography: homography.clone() };
-        let warped = warp.apply(&pictures.b, size);
         let last = pass == options.passes;
-        found = if pass == 0 {
-            let half = |image: &Raster<f32>| decimated(&gaussian(image, 1.0));
-            align_all(&half(&pictures.a), &half(&warped), 2.0, &[], options)
+        let found = if pass == 0 {
+            let half_a = decimated(&gaussian(&pictures.a, HALVING_SIGMA));
+            let half_b = warp.apply(&gaussian(&pictures.b, HALVING_SIGMA * pictures.scale), size, 2);
+            align_all(&half_a, &half_b, 2.0, &[], options)
         } else {
+            let warped = warp.apply(&pictures.b, size, 1);
             align_all(&pictures.a, &warped, 1.0, if last { seeds } else { &[] }, options)
         };
         let mapped: Vec<_> = found.iter().filter_map(|f| Some((f.at, warp.point(f.shifted())?))).collect();
@@ -116,7 +119,6 @@ pub fn refine(a: &Intensity, b: &Intensity, seeds: &[Match], options: &Options) 
             return found.iter().filter_map(|f| resolve(f, &warp, a, b, options)).collect();
         }
     }
-    drop(found);
     Vec::new()
 }
 
@@ -132,6 +134,8 @@ fn residuals(
 struct Pictures {
     a: Raster<f32>,
     b: Raster<f32>,
+    /// Pixels of B a pixel of A, in the middle.
+    scale: f64,
 }
 
 impl Pictures {
@@ -143,7 +147,11 @@ impl Pictures {
         let blurred = |image: &Raster<f32>, lacking: f64, unit: f64| {
             gaussian(image, lacking.hypot(options.smoothing_px * unit))
         };
-        Self { a: blurred(&a.image, lacking(1.0 / scale), 1.0), b: blurred(&b.image, lacking(scale), scale) }
+        Self {
+            a: blurred(&a.image, lacking(1.0 / scale), 1.0),
+            b: blurred(&b.image, lacking(scale), scale),
+            scale,
+        }
     }
 }
 

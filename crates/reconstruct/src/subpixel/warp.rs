@@ -21,14 +21,15 @@ impl Warp {
         Some(self.homography.point(&a)? + displacement)
     }
 
-    /// `image` (of B) on the pixels of A; NaN outside.
-    pub(super) fn apply(&self, image: &Raster<f32>, [width, height]: [usize; 2]) -> Raster<f32> {
+    /// `image` (of B) on every `step`-th pixel of every `step`-th row of A; NaN outside.
+    pub(super) fn apply(&self, image: &Raster<f32>, size: [usize; 2], step: usize) -> Raster<f32> {
+        let [width, height] = size.map(|side| side.div_ceil(step));
         let mut out = Raster { width, height, data: vec![f32::NAN; width * height] };
-        let room = || (vec![0.0; width], vec![0.0; width]);
+        let room = || (vec![0.0; size[0]], vec![0.0; size[0]]);
         out.data.par_chunks_mut(width.max(1)).enumerate().for_each_init(room, |(bx, by), (y, row)| {
-            self.homography.row(center_of(y), bx, by);
-            self.field.add_row(center_of(y), bx, by);
-            for (grey, (x, y)) in row.iter_mut().zip(bx.iter().zip(by.iter())) {
+            self.homography.row(center_of(step * y), bx, by);
+            self.field.add_row(center_of(step * y), bx, by);
+            for (grey, (x, y)) in row.iter_mut().zip(bx.iter().zip(by.iter()).step_by(step)) {
                 *grey = cubic(image, sample_position(*x), sample_position(*y));
             }
         });
