@@ -108,7 +108,7 @@ fn along_row_body(rows: &[[f64; 2]; 3], unit: f64, middle: [f64; 2], bx: &mut [f
     let n = bx.len().min(by.len());
     let (bx, by) = (&mut bx[..n], &mut by[..n]);
     for i in 0..n {
-        let x = i as u32 as f64;
+        let x = f64::from(i as u32);
         let w = rows[2][1] + rows[2][0] * x;
         let scale = if w > HORIZON { unit / w } else { f64::NAN };
         bx[i] = middle[0] + scale * (rows[0][1] + rows[0][0] * x);
