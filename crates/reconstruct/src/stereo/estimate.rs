@@ -5,7 +5,7 @@ use super::filter;
 use super::level::{self, ViewLevel};
 use super::seeds::{self, Plane, SeedPoint};
 use super::solver::Solver;
-use super::term;
+use super::term::{self, Term};
 use super::warp::{self, Motion};
 use crate::View;
 use rayon::prelude::*;
@@ -85,12 +85,16 @@ impl Estimate {
                 let visible = [visibility(a, b, level_idx, options), visibility(b, a, level_idx, options)];
                 [a.visible, b.visible] = visible;
             }
+            let (warps, iterations) = match level_idx {
+                0 => (options.warps, options.iterations),
+                _ => (options.coarse_warps, options.coarse_iterations),
+            };
             // The pictures of both are read by both, while each changes its own surface.
             let levels_a = std::mem::take(&mut a.pyramid);
             let levels_b = std::mem::take(&mut b.pyramid);
             rayon::join(
-                || a.improve(&levels_a[level_idx], &levels_b[level_idx], options),
-                || b.improve(&levels_b[level_idx], &levels_a[level_idx], options),
+                || a.improve(&levels_a[level_idx], &levels_b[level_idx], warps, iterations, options),
+                || b.improve(&levels_b[level_idx], &levels_a[level_idx], warps, iterations, options),
             );
             a.pyramid = levels_a;
             b.pyramid = levels_b;
@@ -116,62 +120,88 @@ impl Surface {
     /// Stiffness of the plate at a level: less where the ground is seen at a grazing angle, since a pixel then spans more of it,
     /// and less over creases that the surface already has.
     pub(crate) fn stiffness(&self, level: &ViewLevel, options: &StereoOptions) -> Raster<f32> {
-        let c = self.plane.0.map(|c| (c * self.unit) as f32);
-        // The plane's normal in the camera is along (c1, c2, c0): c0 z + c1 x + c2 y = 1.
-        let norm = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt();
-        let crease = self.creases(options);
-        let mut out = Raster::filled(level.width, level.height, 0.0f32);
-        for (at, (s, ray)) in out.data.iter_mut().zip(&level.rays).enumerate() {
-            let length = (1.0 + ray[0] * ray[0] + ray[1] * ray[1]).sqrt();
-            let cosine = ((c[0] + c[1] * ray[0] + c[2] * ray[1]) / (norm * length)).clamp(0.1, 1.0);
-            let cosine = if cosine.is_nan() { 1.0 } else { cosine };
-            *s = options.smoothness * cosine.powf(options.grazing_power) * crease.data[at];
-        }
+        let mut out = self.even_stiffness(level, options);
+        self.soften_creases(&mut out, options);
         out
     }
 
-    fn creases(&self, options: &StereoOptions) -> Raster<f32> {
-        let q = &self.bend;
-        let (w, h) = (q.width, q.height);
-        let mut bent = Raster::filled(w, h, 0.0f32);
-        for y in 1..h - 1 {
-            for x in 1..w - 1 {
-                let xx = q[(x - 1, y)] - 2.0 * q[(x, y)] + q[(x + 1, y)];
-                let yy = q[(x, y - 1)] - 2.0 * q[(x, y)] + q[(x, y + 1)];
-                let xy =
-                    0.25 * (q[(x + 1, y + 1)] - q[(x - 1, y + 1)] - q[(x + 1, y - 1)] + q[(x - 1, y - 1)]);
-                bent[(x, y)] = xx * xx + yy * yy + 2.0 * xy * xy;
+    /// [`Self::stiffness`] over the plane alone.
+    fn even_stiffness(&self, level: &ViewLevel, options: &StereoOptions) -> Raster<f32> {
+        let c = self.plane.0.map(|c| (c * self.unit) as f32);
+        // The plane's normal in the camera is along (c1, c2, c0): c0 z + c1 x + c2 y = 1.
+        let norm = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt();
+        let mut out = Raster::filled(level.width, level.height, 0.0f32);
+        out.data.par_chunks_mut(level.width).enumerate().for_each(|(y, row)| {
+            for (s, ray) in row.iter_mut().zip(&level.rays[y * level.width..]) {
+                let length = (1.0 + ray[0] * ray[0] + ray[1] * ray[1]).sqrt();
+                let cosine = (c[0] + c[1] * ray[0] + c[2] * ray[1]) / (norm * length);
+                let cosine = if cosine.is_nan() { 1.0 } else { cosine.clamp(MIN_COSINE, 1.0) };
+                *s = options.smoothness * cosine.powf(options.grazing_power);
             }
-        }
+        });
+        out
+    }
+
+    /// Divides by `√(1 + κ² / crease²)`, with `κ` the present curvature in a small window: a plate that costs as a total variation
+    /// where it is bent hard.
+    fn soften_creases(&self, stiffness: &mut Raster<f32>, options: &StereoOptions) {
+        let q = &self.bend;
+        let (width, height) = (q.width, q.height);
+        let mut bent = Raster::filled(width, height, 0.0f32);
+        bent.data.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+            if y == 0 || y + 1 == height {
+                return;
+            }
+            let rows = q.row(y - 1).windows(3).zip(q.row(y).windows(3)).zip(q.row(y + 1).windows(3));
+            for (out, ((above, here), below)) in out[1..].iter_mut().zip(rows) {
+                let xx = here[0] - 2.0 * here[1] + here[2];
+                let yy = above[1] - 2.0 * here[1] + below[1];
+                let xy = 0.25 * (below[2] - below[0] - above[2] + above[0]);
+                *out = xx * xx + yy * yy + 2.0 * xy * xy;
+            }
+        });
         let limit = 1.0 / (options.crease * options.crease);
-        filter::gaussian(&bent, 1.0).map(|&k2| 1.0 / (1.0 + k2 * limit).powf(options.crease_power))
+        for (s, &k2) in stiffness.data.iter_mut().zip(&filter::gaussian(&bent, CREASE_SIGMA_PX).data) {
+            *s /= (1.0 + k2 * limit).sqrt();
+        }
     }
 
     /// Warps and solves at one level.
-    fn improve(&mut self, here: &ViewLevel, there: &ViewLevel, options: &StereoOptions) {
+    fn improve(
+        &mut self,
+        here: &ViewLevel,
+        there: &ViewLevel,
+        warps: usize,
+        iterations: usize,
+        options: &StereoOptions,
+    ) {
         let mut solver = Solver::new(here.width, here.height);
-        for _ in 0..options.warps {
+        let even = self.even_stiffness(here, options);
+        for _ in 0..warps {
             let warped = warp::warp(here, there, &self.motion, &self.rho);
-            let mut term = term::normalise(here, there, warped, &self.visible, options).term(options);
-            for ((right, weight), &q) in
-                term.right.data.iter_mut().zip(&mut term.weight.data).zip(&self.bend.data)
-            {
-                *weight += 1e-9;
+            let Term { mut weight, mut right } =
+                term::normalise(here, there, warped, &self.visible, options).term(options);
+            // From the change to the bend itself.
+            for ((right, weight), &q) in right.data.iter_mut().zip(&mut weight.data).zip(&self.bend.data) {
+                *weight += LEAST_WEIGHT;
                 *right += *weight * q;
             }
-            let stiffness = self.stiffness(here, options);
-            solver.solve(
-                &mut self.bend,
-                &term.weight.data,
-                &term.right.data,
-                &stiffness,
-                options.iterations,
-                1e-3,
-            );
+            let mut stiffness = even.clone();
+            self.soften_creases(&mut stiffness, options);
+            solver.solve(&mut self.bend, &weight.data, &right.data, &stiffness, iterations, TOLERANCE);
             refresh(&mut self.rho, &self.bend, &self.plane, here, self.unit);
         }
     }
 }
+
+/// Smallest cosine of the emission angle: beyond it a plane says nothing of the ground.
+const MIN_COSINE: f32 = 0.1;
+/// Window in which curvature is judged, pixels.
+const CREASE_SIGMA_PX: f32 = 1.0;
+/// Weight that holds a pixel without data to where it is: nothing beside the plate, but it keeps the equations definite.
+const LEAST_WEIGHT: f32 = 1e-9;
+/// The conjugate gradients stop when their residual has fallen by this.
+const TOLERANCE: f64 = 1e-3;
 
 fn refresh(rho: &mut Raster<f32>, bend: &Raster<f32>, plane: &Plane, level: &ViewLevel, unit: f64) {
     let inverse_focal = 1.0 / level.camera.fx;

@@ -57,20 +57,22 @@ pub struct StereoOptions {
     pub robust_scale: f32,
     /// Weight of the thin plate against the data.
     pub smoothness: f32,
-    /// Warps at each level.
+    /// Warps at the finest level.
     pub warps: usize,
-    /// Conjugate-gradient steps per warp.
+    /// Warps at each coarser level, where they cost little and the large errors go.
+    pub coarse_warps: usize,
+    /// Conjugate-gradient steps per warp at the finest level.
     pub iterations: usize,
+    /// Conjugate-gradient steps per warp at each coarser level.
+    pub coarse_iterations: usize,
     /// Difference of the two views' surfaces, in pixels of parallax, beyond which a pixel counts as hidden.
     pub consistency_px: f32,
     /// Levels from this one on do not look for hidden pixels (0 is the finest).
     pub hidden_from_level: usize,
     /// Power of the cosine of the emission angle that the plate's stiffness falls with.
     pub grazing_power: f32,
-    /// Curvature (change of slope per pixel) at which the plate gives way.
+    /// Curvature (change of slope per pixel) beyond which the plate gives way.
     pub crease: f32,
-    /// How much it gives way: 0 not at all, 0.5 as a total variation, 1 as a Cauchy prior.
-    pub crease_power: f32,
     /// Standard deviation, in pixels of height (z-depth over focal length), up to which a pixel counts as measured.
     pub measured_sigma: f32,
     /// What the computed standard deviations are multiplied by: calibrated on rendered pairs.
@@ -91,15 +93,16 @@ impl Default for StereoOptions {
             noise_floor: 0.05,
             robust_scale: 0.5,
             smoothness: 1.0,
-            warps: 5,
-            iterations: 10,
+            warps: 3,
+            coarse_warps: 8,
+            iterations: 8,
+            coarse_iterations: 20,
             consistency_px: 1.0,
             hidden_from_level: 2,
             grazing_power: 3.0,
             crease: 0.1,
-            crease_power: 0.5,
             measured_sigma: 1.5,
-            sigma_scale: 1.0,
+            sigma_scale: 1.2,
             completion: Completion::Holes,
             seed_smoothness: 0.01,
         }
