@@ -3,7 +3,7 @@
 use super::StereoOptions;
 use super::filter;
 use super::level::{self, ViewLevel};
-use super::seeds::{self, Plane, SeedPoint};
+use super::seeds::{self, Anchors, Plane, SeedPoint};
 use super::solver::Solver;
 use super::term::{self, Term};
 use super::warp::{self, Motion};
@@ -19,6 +19,7 @@ pub(crate) struct Surface {
     /// Length that makes inverse depths about 1.
     pub unit: f64,
     plane: Plane,
+    seeds: Vec<SeedPoint>,
     /// Bend over the plane, pixels of height of the present level.
     pub bend: Raster<f32>,
     /// Inverse depth at the present level, in `1 / unit`.
@@ -56,12 +57,14 @@ impl Estimate {
         let make = |i: usize, view: &View| {
             let pyramid = level::pyramid(view, num_levels, options.presmooth_px);
             let coarsest = &pyramid[num_levels - 1];
-            let bend = seeds::bend(&points[i], &planes[i], coarsest, units[i], options.seed_smoothness);
+            let bend = Anchors::new(&points[i], &planes[i], coarsest, units[i])
+                .bend(coarsest, options.seed_smoothness);
             let visible = Raster::filled(coarsest.width, coarsest.height, 1.0f32);
             let mut surface = Surface {
                 motion: motions[i],
                 unit: units[i],
                 plane: planes[i],
+                seeds: points[i].clone(),
                 rho: bend.clone(),
                 bend,
                 visible,
@@ -85,16 +88,12 @@ impl Estimate {
                 let visible = [visibility(a, b, level_idx, options), visibility(b, a, level_idx, options)];
                 [a.visible, b.visible] = visible;
             }
-            let (warps, iterations) = match level_idx {
-                0 => (options.warps, options.iterations),
-                _ => (options.coarse_warps, options.coarse_iterations),
-            };
             // The pictures of both are read by both, while each changes its own surface.
             let levels_a = std::mem::take(&mut a.pyramid);
             let levels_b = std::mem::take(&mut b.pyramid);
             rayon::join(
-                || a.improve(&levels_a[level_idx], &levels_b[level_idx], warps, iterations, options),
-                || b.improve(&levels_b[level_idx], &levels_a[level_idx], warps, iterations, options),
+                || a.improve(&levels_a[level_idx], &levels_b[level_idx], level_idx, options),
+                || b.improve(&levels_b[level_idx], &levels_a[level_idx], level_idx, options),
             );
             a.pyramid = levels_a;
             b.pyramid = levels_b;
@@ -167,14 +166,14 @@ impl Surface {
     }
 
     /// Warps and solves at one level.
-    fn improve(
-        &mut self,
-        here: &ViewLevel,
-        there: &ViewLevel,
-        warps: usize,
-        iterations: usize,
-        options: &StereoOptions,
-    ) {
+    fn improve(&mut self, here: &ViewLevel, there: &ViewLevel, level_idx: usize, options: &StereoOptions) {
+        let (warps, iterations) = match level_idx {
+            0 => (options.warps, options.iterations),
+            _ => (options.coarse_warps, options.coarse_iterations),
+        };
+        // At full size the pictures know better than the matches.
+        let seeds: &[SeedPoint] = if level_idx == 0 { &[] } else { &self.seeds };
+        let anchors = Anchors::new(seeds, &self.plane, here, self.unit);
         let mut solver = Solver::new(here.width, here.height);
         let even = self.even_stiffness(here, options);
         for _ in 0..warps {
@@ -186,6 +185,7 @@ impl Surface {
                 *weight += LEAST_WEIGHT;
                 *right += *weight * q;
             }
+            anchors.hold(&mut weight.data, &mut right.data, &self.bend);
             let mut stiffness = even.clone();
             self.soften_creases(&mut stiffness, options);
             solver.solve(&mut self.bend, &weight.data, &right.data, &stiffness, iterations, TOLERANCE);

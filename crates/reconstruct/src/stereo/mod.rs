@@ -20,7 +20,7 @@ mod term;
 mod warp;
 
 pub use outcome::{Dense, DenseView};
-pub use seeds::Seed;
+pub use seeds::{Seed, seeds_from_depth_z};
 
 use crate::View;
 use selenograph_geometry::{CamA, CamB, Rigid3};

@@ -89,8 +89,11 @@ pub(crate) fn assemble(
 const SUPPORT_SIGMA_PX: f32 = 4.0;
 /// Share of measured pixels below which the two views share nothing that could be believed.
 const MIN_MEASURED_SHARE: f64 = 0.003;
-/// Completion reaches as far from measured pixels as a window of this size still holds some of them.
-const REACH_SIGMA_PX: f32 = 12.0;
+/// Completion reaches as far from measured pixels as a window of this size still holds some of them, in pixels reduced by
+/// [`REACH_HALVINGS`].
+const REACH_SIGMA_PX: f32 = 4.0;
+/// How often the map of measured pixels is halved for that.
+const REACH_HALVINGS: usize = 3;
 /// Share of measured pixels in that window below which nothing is completed.
 const MIN_REACH: f32 = 0.02;
 
@@ -118,7 +121,7 @@ fn one(surface: &Surface, other: &Surface, options: &StereoOptions) -> DenseView
     {
         return view;
     }
-    let reach = filter::gaussian(&measured, REACH_SIGMA_PX);
+    let reach = reach(&measured);
     for at in 0..width * height {
         let rho = surface.rho.data[at];
         let Some(landing) = surface.motion.land(&there.camera, level.rays[at], rho) else { continue };
@@ -130,7 +133,7 @@ fn one(surface: &Surface, other: &Surface, options: &StereoOptions) -> DenseView
         let fill = match options.completion {
             _ if measured.data[at] > 0.0 => Fill::Measured,
             Completion::None => continue,
-            Completion::Holes if !inside || reach.data[at] < MIN_REACH => continue,
+            Completion::Holes if !inside || reach_at(&reach, at % width, at / width) < MIN_REACH => continue,
             Completion::Holes | Completion::Everywhere => Fill::Completed,
         };
         let z = surface.unit / f64::from(rho);
@@ -145,6 +148,24 @@ fn one(surface: &Surface, other: &Surface, options: &StereoOptions) -> DenseView
         view.in_other.data[at] = [landing.x, landing.y];
     }
     view
+}
+
+/// Share of measured pixels in a wide window, on a reduced grid.
+fn reach(measured: &Raster<f32>) -> Raster<f32> {
+    let mut share = measured.clone();
+    for _ in 0..REACH_HALVINGS {
+        if share.width.min(share.height) < 4 {
+            break;
+        }
+        let ones = Raster::filled(share.width, share.height, 1.0f32);
+        share = filter::halve(&share, &ones).0;
+    }
+    filter::gaussian(&share, REACH_SIGMA_PX)
+}
+
+fn reach_at(reach: &Raster<f32>, x: usize, y: usize) -> f32 {
+    let reduced = |i: usize, count: usize| (i >> REACH_HALVINGS).min(count - 1);
+    reach[(reduced(x, reach.width), reduced(y, reach.height))]
 }
 
 /// Standard deviation of the unknown (pixels of height): that of a thin plate of stiffness `s` over data of information `D` and

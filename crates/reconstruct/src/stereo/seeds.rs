@@ -88,50 +88,98 @@ impl Plane {
     }
 }
 
-/// The bend of the surface over `plane` at a level, from seeds: thin plate with robust point weights.
-///
-/// `unit` is the length that makes inverse depths ones; the result is in pixels of height of that level.
-pub(crate) fn bend(
-    points: &[SeedPoint],
-    plane: &Plane,
-    level: &ViewLevel,
-    unit: f64,
-    smoothness: f32,
-) -> Raster<f32> {
-    let (width, height) = (level.width, level.height);
-    let focal = f64::from(level.camera.fx);
-    let mut q = Raster::filled(width, height, 0.0f32);
-    let mut solver = Solver::new(width, height);
-    let stiffness = Raster::filled(width, height, smoothness);
-    let camera = &level.camera;
-    let cells: Vec<(usize, f32, f32)> = points
-        .iter()
-        .filter_map(|p| {
-            let (xd, yd) = camera.lens.map_or((p.ray[0], p.ray[1]), |lens| lens.distort(p.ray[0], p.ray[1]));
-            let x = pixel::index_of(f64::from(camera.fx) * xd + f64::from(camera.cx));
-            let y = pixel::index_of(f64::from(camera.fy) * yd + f64::from(camera.cy));
-            let inside = x >= 0 && y >= 0 && (x as usize) < width && (y as usize) < height;
-            let value = (p.rho - plane.at(p.ray)) * unit * focal;
-            // Pixels of the full picture for a pixel of height here.
-            let gain = p.px_per_share / (p.rho * unit * focal);
-            inside.then(|| (y as usize * width + x as usize, value as f32, gain as f32))
-        })
-        .collect();
-    // A seed that misses the surface by this many pixels counts half.
-    const OUTLIER_PX: f32 = 3.0;
-    for step in 0..6 {
-        let mut weight = vec![1e-9f32; width * height];
-        let mut right = vec![0.0f32; width * height];
-        for &(at, value, gain) in &cells {
-            // The flat start must not take relief for outliers.
-            let miss = if step == 0 { 0.0 } else { (value - q.data[at]) * gain / OUTLIER_PX };
+/// Seeds of a view on the pixels of one level.
+pub(crate) struct Anchors(Vec<Anchor>);
+
+/// One seed on its pixel.
+struct Anchor {
+    at: usize,
+    /// Bend over the plane, pixels of height of the level.
+    value: f32,
+    /// Pixels of the full picture that the other view's image moves for a pixel of height of the level.
+    gain: f32,
+}
+
+/// A seed that misses the surface by this many pixels counts half.
+const OUTLIER_PX: f32 = 3.0;
+
+impl Anchors {
+    /// Seeds inside the frame. `unit` is the length that makes inverse depths ones.
+    pub(crate) fn new(points: &[SeedPoint], plane: &Plane, level: &ViewLevel, unit: f64) -> Self {
+        let focal = f64::from(level.camera.fx);
+        let camera = &level.camera;
+        let anchor = |p: &SeedPoint| {
+            let lens = |lens: selenograph_geometry::Distortion| lens.distort(p.ray[0], p.ray[1]);
+            let (xd, yd) = camera.lens.map_or((p.ray[0], p.ray[1]), lens);
+            let x =
+                usize::try_from(pixel::index_of(f64::from(camera.fx) * xd + f64::from(camera.cx))).ok()?;
+            let y =
+                usize::try_from(pixel::index_of(f64::from(camera.fy) * yd + f64::from(camera.cy))).ok()?;
+            let value = ((p.rho - plane.at(p.ray)) * unit * focal) as f32;
+            let gain = (p.px_per_share / (p.rho * unit * focal)) as f32;
+            (x < level.width && y < level.height).then_some(Anchor { at: y * level.width + x, value, gain })
+        };
+        Self(points.iter().filter_map(anchor).collect())
+    }
+
+    /// Adds the seeds to an equation for the bend `q`, less those that miss it.
+    pub(crate) fn add_to(&self, weight: &mut [f32], right: &mut [f32], q: &Raster<f32>, outlier_px: f32) {
+        for &Anchor { at, value, gain } in &self.0 {
+            let miss = (value - q.data[at]) * gain / outlier_px;
             let w = gain * gain / (1.0 + miss * miss);
             weight[at] += w;
             right[at] += w * value;
         }
-        solver.solve(&mut q, &weight, &right, &stiffness, 60, 1e-3);
     }
-    q
+
+    /// [`Self::add_to`] with the usual tolerance.
+    pub(crate) fn hold(&self, weight: &mut [f32], right: &mut [f32], q: &Raster<f32>) {
+        self.add_to(weight, right, q, OUTLIER_PX);
+    }
+
+    /// The bend that the seeds alone make at a level: a thin plate with robust point weights.
+    pub(crate) fn bend(&self, level: &ViewLevel, smoothness: f32) -> Raster<f32> {
+        const ROUNDS: usize = 6;
+        let (width, height) = (level.width, level.height);
+        let mut q = Raster::filled(width, height, 0.0f32);
+        let mut solver = Solver::new(width, height);
+        let stiffness = Raster::filled(width, height, smoothness);
+        for round in 0..ROUNDS {
+            let mut weight = vec![1e-9f32; width * height];
+            let mut right = vec![0.0f32; width * height];
+            // The flat start must not take relief for outliers.
+            let outlier_px = if round == 0 { f32::INFINITY } else { OUTLIER_PX };
+            self.add_to(&mut weight, &mut right, &q, outlier_px);
+            solver.solve(&mut q, &weight, &right, &stiffness, 60, 1e-3);
+        }
+        q
+    }
+}
+
+/// Seeds from a coarse z-depth of view A (an elevation model seen from there, a plane, an earlier answer), one every `step`
+/// pixels: what dense stereo starts from where there are no matches.
+///
+/// `depth_z` has the size of A's picture, in the unit of the motion's translation; absent samples are NaN.
+pub fn seeds_from_depth_z(
+    depth_z: &Raster<f32>,
+    a: &Camera,
+    b: &Camera,
+    cam_b_from_cam_a: &Rigid3<CamB, CamA>,
+    step: usize,
+) -> Vec<Seed> {
+    let step = step.max(1);
+    let mut out = Vec::new();
+    for y in (step / 2..depth_z.height).step_by(step) {
+        for x in (step / 2..depth_z.width).step_by(step) {
+            let at = Point2::new(pixel::center_of(x), pixel::center_of(y));
+            let z = f64::from(depth_z[(x, y)]);
+            let point = if z > 0.0 && z.is_finite() { a.unproject(&at, z) } else { None };
+            if let Some(seen) = point.and_then(|point| b.project(&cam_b_from_cam_a.point(&point))) {
+                out.push(Seed { a: at, b: seen });
+            }
+        }
+    }
+    out
 }
 
 /// The motion in each direction, each in the unit of the view that it starts from.
