@@ -158,6 +158,16 @@ fn pictures_that_say_nothing_get_no_answer() {
 }
 
 #[test]
+fn a_coarse_plane_stands_in_for_matches() {
+    let mut scene = scene(Distortion::default());
+    let plane = Raster::from_fn(160, 128, |_, _| 10.05f32);
+    scene.seeds = stereo::seeds_from_depth_z(&plane, &scene.a.camera, &scene.b.camera, &scene.b_from_a, 12);
+    let dense = run(&scene, &StereoOptions::default());
+    let (error, share) = error_px(&dense, &scene, 0);
+    assert!(error < MEDIAN_ERROR_PX_OF_HEIGHT && share > 0.5, "{error} px, {share}");
+}
+
+#[test]
 fn masked_pixels_are_bridged_only_when_asked() {
     let mut scene = scene(Distortion::default());
     for y in 60..70 {

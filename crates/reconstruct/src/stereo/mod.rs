@@ -97,7 +97,7 @@ impl Default for StereoOptions {
             coarse_warps: 8,
             iterations: 8,
             coarse_iterations: 20,
-            consistency_px: 1.0,
+            consistency_px: 2.0,
             hidden_from_level: 2,
             grazing_power: 3.0,
             crease: 0.1,
