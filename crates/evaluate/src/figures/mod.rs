@@ -150,9 +150,12 @@ fn assemble(
     // The truth sets the scale of every method's colours.
     let range = drawn.first().map_or([0.0, 1.0], |truth| truth.maps.depth_range_m());
     for (k, title) in ["depth", "slope", "hillshade", "cloud"].into_iter().enumerate() {
-        let view =
-            pictures.get(k).filter(|_| k < 2).map(|(_, view)| Picture::photo(&halved(view))).transpose()?;
-        let mut cells = vec![view];
+        // Below the two views the first column is blank.
+        let view = match pictures.get(k).filter(|_| k < 2) {
+            Some((_, view)) => Picture::photo(&halved(view))?,
+            None => Picture::exact(&Raster::filled(2, 2, [255; 3]))?,
+        };
+        let mut cells = vec![Some(view)];
         for one in drawn {
             let picture = match k {
                 0 => Some(one.maps.depth_picture(range)),

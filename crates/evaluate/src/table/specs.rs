@@ -154,7 +154,7 @@ pub fn pose_paper() -> Spec {
         id: "pose_paper".into(),
         title: "Relative pose, paper-compatible form: central 384 rows, failed items left out of the shares".into(),
         notes: vec![
-            "Reference protocol: pictures cropped to their central 384 of 512 rows, the 2000 best matches, inliers within 1 px, signed translation."
+            "Reference protocol: pictures cropped to their central 384 of 512 rows, the 2000 best matches of each method, plain five-point RANSAC (inliers within 1 px, nothing refined), signed translation: it judges the matches, not the method's own estimate."
                 .into(),
         ],
         columns,
