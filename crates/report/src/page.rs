@@ -73,6 +73,16 @@ impl Page {
         self
     }
 
+    /// Links to files beside the page, by relative path, each with its words.
+    pub fn links<'a>(&mut self, links: impl IntoIterator<Item = (&'a str, &'a str)>) -> &mut Self {
+        let items: String = links
+            .into_iter()
+            .map(|(path, words)| format!("<li><a href=\"{}\">{}</a></li>\n", escape(path), escape(words)))
+            .collect();
+        self.body += &format!("<ul>\n{items}</ul>\n");
+        self
+    }
+
     /// Text as it stands in a file, folded away until asked for.
     pub fn listing(&mut self, summary: &str, text: &str) -> &mut Self {
         self.body += &format!(

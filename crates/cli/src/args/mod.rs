@@ -60,7 +60,7 @@ pub struct Target {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// A synthetic Moon, eight stereo pairs under three lights, a contact sheet
+    /// A synthetic Moon, stereo pairs under three lights, terrain from one of them, scores of all, in minutes
     #[command(after_help = "Example:\n  selenograph demo --out out/demo")]
     Demo(campaign::Demo),
     /// Elevation models: what they are, import, synthesis, a quick look

@@ -4,6 +4,9 @@ use super::Target;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
+/// What landers bear.
+const MAX_SLOPE_DEG: f64 = 15.0;
+
 /// Two pictures into terrain.
 #[derive(Debug, Args)]
 pub struct Reconstruct {
@@ -37,7 +40,7 @@ pub struct Reconstruct {
 }
 
 /// What took the pictures. Without any of these the focal length is estimated or assumed, and the answer says so.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct Cameras {
     /// Camera of both pictures: our TOML or JSON, COLMAP cameras.txt, OpenCV YAML
@@ -58,7 +61,7 @@ pub struct Cameras {
 }
 
 /// What is known of where it was done; any part of it is used.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(next_help_heading = "What is known")]
 pub struct Known {
     /// Relative pose: a transform file, such as an earlier answer's
@@ -104,7 +107,7 @@ pub struct ProductChoice {
     #[arg(long, value_name = "LENGTH")]
     pub cell_m: Option<f64>,
     /// Ground steeper than this is a hazard
-    #[arg(long, value_name = "DEG", default_value_t = 15.0)]
+    #[arg(long, value_name = "DEG", default_value_t = MAX_SLOPE_DEG)]
     pub max_slope_deg: f64,
     /// Ground rougher than this is a hazard [default: 2 % of the footprint]
     #[arg(long, value_name = "LENGTH")]
@@ -115,6 +118,18 @@ pub struct ProductChoice {
     /// No report.html
     #[arg(long)]
     pub no_report: bool,
+}
+
+impl Default for ProductChoice {
+    fn default() -> Self {
+        Self {
+            cell_m: None,
+            max_slope_deg: MAX_SLOPE_DEG,
+            max_roughness_m: None,
+            footprint_m: None,
+            no_report: false,
+        }
+    }
 }
 
 /// Methods.

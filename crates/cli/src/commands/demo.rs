@@ -1,18 +1,24 @@
-//! `demo`: a synthetic Moon, stereo pairs on it, a contact sheet. The commands of the product, one after the other.
+//! `demo`: a synthetic Moon, stereo pairs on it, terrain from one of them, scores of all of them. The commands of the product, one
+//! after the other.
 
 use super::generate::{inputs, render_all};
 use super::planning::make_plan;
-use super::{clock::now_utc, data_sheet, dem_import, dem_synth};
+use super::{clock::now_utc, data_sheet, dem_import, dem_synth, evaluate, reconstruct};
 use crate::args::Target;
 use crate::args::campaign::Demo;
 use crate::args::data::Sheet;
 use crate::args::dem::{Import, Reading, Synth};
+use crate::args::evaluate::Evaluate;
+use crate::args::reconstruct::{Cameras, Known, Method, ProductChoice, Reconstruct};
 use crate::exit::Outcome;
 use crate::target::Draft;
 use crate::ui::Ui;
+use anyhow::Context;
 use selenograph_dataset::generate::{Existing, Options, Shard};
 use selenograph_dataset::plan::Campaign;
+use selenograph_raster::codec::{Picture as Raw, png};
 use selenograph_render::Tracer;
+use selenograph_report::{Figure, Page, Picture};
 use selenograph_terrain::Terrain;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,6 +27,8 @@ use std::time::Instant;
 const SIDE: usize = 4096;
 const CELL_M: f64 = 10.0;
 const CAMPAIGN: &str = include_str!("../demo.toml");
+/// What the pairs are judged with: ours, the truth itself, and a plane as the lower anchor.
+const METHODS: [&str; 3] = ["stereo", "truth", "plane"];
 
 /// Makes everything below one folder.
 ///
@@ -58,11 +66,27 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
 
     let sheet = Sheet { dataset: at("dataset"), pairs: 64, thumbnail_px: 144, target: target(at("sheets")) };
     ui.timed("sheet", || data_sheet::run(&sheet, &quiet))?;
+    ui.note("terrain from one of them …");
+    ui.timed("reconstruction", || reconstruct_one(folder, args.seed, &quiet))?;
+    ui.note(&format!("all of them by {}, against the truth …", METHODS.join(", ")));
+    let evaluation = Evaluate {
+        dataset: at("dataset"),
+        methods: METHODS.map(str::to_owned).to_vec(),
+        cross_light: None,
+        trajectory: Vec::new(),
+        pairs: Vec::new(),
+        limit: None,
+        k_convention: None,
+        figures: false,
+        target: target(at("evaluation")),
+    };
+    ui.timed("evaluation", || evaluate::run(&evaluation, &quiet))?;
+    std::fs::write(at("report.html"), front_page(folder)?)?;
     draft.commit()?;
-    let out = args.target.out.display();
     ui.note(&format!(
-        "{:.1} s; look at {out}/sheets/sheet_000.png, then at {out}/dataset",
-        start.elapsed().as_secs_f64()
+        "{:.1} s; open {}",
+        start.elapsed().as_secs_f64(),
+        args.target.out.join("report.html").display()
     ));
     Ok(outcome)
 }
@@ -84,4 +108,73 @@ fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
     let skipped: Vec<String> =
         report.skipped.iter().map(|skip| format!("pair {}: {}", skip.pair_id, skip.reason)).collect();
     Ok(if skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(skipped) })
+}
+
+/// Terrain from the pictures of the first pair under its first light: cameras, the place of A and the distance to B are known, the
+/// pose of B is not.
+fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
+    let pair = first_pair(&folder.join("dataset/pairs"))?;
+    let record: serde_json::Value = serde_json::from_slice(&std::fs::read(pair.join("pair.json"))?)?;
+    let at = |name: &str| Some(pair.join(name));
+    let args = Reconstruct {
+        a: pair.join("a.l0.png"),
+        b: pair.join("b.l0.png"),
+        cameras: Cameras {
+            camera_a: at("a.camera.json"),
+            camera_b: at("b.camera.json"),
+            ..Cameras::default()
+        },
+        known: Known {
+            world_from_cam_a: at("a.camera.json"),
+            baseline_m: record["baseline_m"].as_f64(),
+            ..Known::default()
+        },
+        method: Method::Stereo,
+        complete: false,
+        products: ProductChoice::default(),
+        seed,
+        target: Target { out: folder.join("reconstruction"), force: false },
+    };
+    reconstruct::run(&args, ui)
+}
+
+/// The first folder of a pair below `pairs/<thousand>/`.
+fn first_pair(pairs: &Path) -> anyhow::Result<PathBuf> {
+    let first = |folder: &Path| -> anyhow::Result<PathBuf> {
+        let entries =
+            std::fs::read_dir(folder).with_context(|| format!("cannot read `{}`", folder.display()))?;
+        let paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+        paths.into_iter().min().with_context(|| format!("`{}` is empty", folder.display()))
+    };
+    first(&first(pairs)?)
+}
+
+/// One page that leads to everything.
+fn front_page(folder: &Path) -> anyhow::Result<String> {
+    let mut page = Page::new("A synthetic Moon, and what two pictures of it tell");
+    page.lead(
+        "Made by `selenograph demo`: terrain, stereo pairs with their truth, a reconstruction, scores.",
+    );
+    page.section("Where to look").links([
+        ("reconstruction/report.html", "terrain from one pair: pose, depth, slope, hazards, points to turn"),
+        (
+            "evaluation/report.html",
+            "every pair against its truth: tables with definitions, plots, the worst pairs",
+        ),
+        ("dataset/", "the pairs with their truth maps"),
+        ("terrain/", "the terrain that was rendered"),
+    ]);
+    let sheet = png::read(&folder.join("sheets/sheet_000.png"))?;
+    let sheet = match sheet {
+        Raw::Rgb8(raster) => raster,
+        Raw::Grey8(raster) => raster.map(|v| [*v; 3]),
+        Raw::Grey16(raster) => raster.map(|v| [(v >> 8) as u8; 3]),
+    };
+    let picture = Picture::photo(&sheet)?;
+    page.section("The pairs").figure(&Figure::picture(
+        &picture,
+        picture.width,
+        "Both views under each light.",
+    ));
+    Ok(page.finish())
 }
