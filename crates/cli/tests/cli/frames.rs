@@ -26,10 +26,13 @@ fn a_folder_becomes_pairs_and_the_camera_is_cut_too() {
     let table = std::fs::read_to_string(place.path("out/pairs.csv")).unwrap();
     let rows: Vec<&str> = table.lines().skip(1).collect();
     // Frame 10 has no partner at 12; f10 comes after f9.
-    assert_eq!(rows, [
-        "0,pictures/000000.png,pictures/000002.png,0,2,f0.png,f2.png",
-        "1,pictures/000005.png,pictures/000007.png,5,7,f5.png,f7.png",
-    ]);
+    assert_eq!(
+        rows,
+        [
+            "0,pictures/000000.png,pictures/000002.png,0,2,f0.png,f2.png",
+            "1,pictures/000005.png,pictures/000007.png,5,7,f5.png,f7.png",
+        ]
+    );
     assert_eq!(names(&place.path("out/pictures")).len(), 4);
     let camera = std::fs::read_to_string(place.path("out/camera.toml")).unwrap();
     assert!(camera.contains("cx_px = 17.0") && camera.contains("cy_px = 16.0"), "{camera}");
