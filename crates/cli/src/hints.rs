@@ -116,6 +116,9 @@ fn reconstruct(error: &selenograph_reconstruct::Error) -> Option<String> {
         Error::Io { source, .. } => io(source.kind()),
         Error::Format { .. } => some("docs/formats.md tells what each file holds"),
         Error::Value { .. } => some("`selenograph reconstruct --help` tells what each setting may be"),
+        Error::Undetermined { .. } => error.hint().map(str::to_owned).or_else(|| {
+            some("`selenograph reconstruct --help` lists what may be known of the pictures; give it, or leave out what asks for it")
+        }),
         _ => error.hint().map(str::to_owned),
     }
 }
