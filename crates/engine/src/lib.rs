@@ -1,1 +1,29 @@
 //! The network on CPUs, in f32: packed weights, fused attention, direct convolutions.
+//!
+//! Everything is built on one kernel (`kernel`): six rows, read where they lie, against a panel of 64 packed
+//! columns. Results are the same for any number of threads: each output value is summed by one task in one
+//! order.
+
+mod attention;
+mod buffer;
+mod dpt;
+mod engine;
+mod error;
+mod gemm;
+mod head;
+mod kernel;
+mod output;
+mod packed;
+mod probe;
+mod rope;
+mod transformer;
+mod upsample;
+mod vector;
+mod weights;
+
+pub use engine::{Encoding, Engine, Image};
+pub use error::{Error, Result, SourceError};
+pub use kernel::Simd;
+pub use output::HeadOutput;
+pub use probe::Probe;
+pub use weights::NamedTensor;

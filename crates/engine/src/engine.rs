@@ -1,0 +1,393 @@
+//! The network, ready to run.
+
+use rayon::prelude::*;
+use selenograph_network::config::{NetworkConfig, Transformer};
+
+use crate::attention::Grid;
+use crate::buffer::{Loan, Pool};
+use crate::error::{Error, Result, SourceError};
+use crate::gemm::Finish;
+use crate::head::{Head, Hooks};
+use crate::kernel::Simd;
+use crate::output::HeadOutput;
+use crate::packed::Packed;
+use crate::probe::{Probe, Watch};
+use crate::rope::Rope;
+use crate::transformer::{Context, DecoderBlock, EncoderBlock};
+use crate::weights::{NamedTensor, Norm, Reader};
+
+/// Colour channels of an image.
+const COLORS: usize = 3;
+
+/// An image as the network wants it: values from −1 to 1, channels first.
+#[derive(Debug, Clone, Copy)]
+pub struct Image<'a> {
+    /// Rows, a multiple of the patch.
+    pub height_px: usize,
+    /// Columns, a multiple of the patch.
+    pub width_px: usize,
+    /// `[3, height, width]`.
+    pub values: &'a [f32],
+}
+
+/// What the encoder knows of an image: enough to decode it against any number of others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Encoding {
+    /// Rows of patches.
+    pub height: usize,
+    /// Columns of patches.
+    pub width: usize,
+    /// Tokens `[height · width, encoder channels]`, after the last normalisation.
+    pub tokens: Vec<f32>,
+}
+
+/// The network with its weights packed for this processor.
+pub struct Engine {
+    config: NetworkConfig,
+    level: Simd,
+    pool: Pool,
+    patch_embed: Packed,
+    encoder: Vec<EncoderBlock>,
+    encoder_norm: Norm,
+    decoder_embed: Packed,
+    decoders: [Vec<DecoderBlock>; 2],
+    decoder_norm: Norm,
+    heads: [Head; 2],
+}
+
+impl Engine {
+    /// Reads every tensor once, by its name in the checkpoint, and packs it.
+    ///
+    /// # Errors
+    /// A configuration that fits no network; a tensor that `source` does not deliver or whose shape is not
+    /// the configuration's.
+    pub fn new(
+        config: &NetworkConfig,
+        source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
+    ) -> Result<Self> {
+        Self::with_simd(config, Simd::detect(), source)
+    }
+
+    /// As [`Engine::new`], with instructions of the caller's choice.
+    ///
+    /// # Errors
+    /// As [`Engine::new`], and instructions that this processor does not have.
+    pub fn with_simd(
+        config: &NetworkConfig,
+        level: Simd,
+        source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
+    ) -> Result<Self> {
+        check(config)?;
+        let level = level.checked()?;
+        let reader = &mut Reader::new(source);
+        let (enc, dec) = (config.encoder, config.decoder);
+        let patch = config.patch_px;
+        let weights = reader.values("patch_embed.proj.weight", &[enc.dim, COLORS, patch, patch])?;
+        let bias = reader.values("patch_embed.proj.bias", &[enc.dim])?;
+        let patch_embed = Packed::linear(&weights, COLORS * patch * patch, enc.dim, Some(&bias));
+        let decoder = |reader: &mut Reader<'_>, name: &str| {
+            (0..dec.num_blocks)
+                .map(|idx| DecoderBlock::read(reader, &format!("{name}.{idx}"), &dec))
+                .collect::<Result<Vec<_>>>()
+        };
+        Ok(Self {
+            config: config.clone(),
+            level,
+            pool: Pool::default(),
+            patch_embed,
+            encoder: (0..enc.num_blocks)
+                .map(|idx| EncoderBlock::read(reader, &format!("enc_blocks.{idx}"), &enc))
+                .collect::<Result<_>>()?,
+            encoder_norm: reader.norm("enc_norm", enc.dim)?,
+            decoder_embed: reader.linear("decoder_embed", enc.dim, dec.dim)?,
+            decoders: [decoder(reader, "dec_blocks")?, decoder(reader, "dec_blocks2")?],
+            decoder_norm: reader.norm("dec_norm", dec.dim)?,
+            heads: [
+                Head::read(reader, config, "downstream_head1", "head1")?,
+                Head::read(reader, config, "downstream_head2", "head2")?,
+            ],
+        })
+    }
+
+    /// The network's dimensions.
+    #[must_use]
+    pub fn config(&self) -> &NetworkConfig {
+        &self.config
+    }
+
+    /// The instructions in use.
+    #[must_use]
+    pub fn simd(&self) -> Simd {
+        self.level
+    }
+
+    /// Bytes of packed weights.
+    #[must_use]
+    pub fn num_weight_bytes(&self) -> usize {
+        let encoder: usize = self.encoder.iter().map(EncoderBlock::num_bytes).sum();
+        let decoders: usize = self.decoders.iter().flatten().map(DecoderBlock::num_bytes).sum();
+        let heads: usize = self.heads.iter().map(Head::num_bytes).sum();
+        encoder + decoders + heads + self.patch_embed.num_bytes() + self.decoder_embed.num_bytes()
+    }
+
+    /// Frees the buffers kept for the next run.
+    pub fn release_buffers(&self) {
+        self.pool.clear();
+    }
+
+    /// Encodes images, of any sizes, together.
+    ///
+    /// # Errors
+    /// An image that is empty, not a whole number of patches, or whose values do not fill it.
+    pub fn encode(&self, images: &[Image<'_>]) -> Result<Vec<Encoding>> {
+        self.encode_watched(images, &mut Watch(None))
+    }
+
+    /// As [`Engine::encode`] for one image, with a look at every layer.
+    ///
+    /// # Errors
+    /// As [`Engine::encode`].
+    pub fn encode_probed(&self, image: Image<'_>, probe: &mut dyn Probe) -> Result<Encoding> {
+        let mut encodings = self.encode_watched(&[image], &mut Watch(Some(probe)))?;
+        Ok(encodings.swap_remove(0))
+    }
+
+    /// Decodes pairs: for each the first view's output and the second's, both in the first camera's frame.
+    ///
+    /// # Errors
+    /// An encoding of another network.
+    pub fn decode(&self, pairs: &[(&Encoding, &Encoding)]) -> Result<Vec<[HeadOutput; 2]>> {
+        self.decode_watched(pairs, &mut Watch(None))
+    }
+
+    /// As [`Engine::decode`] for one pair, with a look at every layer.
+    ///
+    /// # Errors
+    /// As [`Engine::decode`].
+    pub fn decode_probed(&self, a: &Encoding, b: &Encoding, probe: &mut dyn Probe) -> Result<[HeadOutput; 2]> {
+        let mut outputs = self.decode_watched(&[(a, b)], &mut Watch(Some(probe)))?;
+        Ok(outputs.swap_remove(0))
+    }
+
+    /// Both views of a pair in the frame of `a`.
+    ///
+    /// # Errors
+    /// As [`Engine::encode`].
+    pub fn infer(&self, a: Image<'_>, b: Image<'_>) -> Result<[HeadOutput; 2]> {
+        let encodings = self.encode(&[a, b])?;
+        let mut outputs = self.decode(&[(&encodings[0], &encodings[1])])?;
+        Ok(outputs.swap_remove(0))
+    }
+
+    /// The pair both ways, each image encoded once: `[a, b]` in the frame of `a`, then `[b, a]` in that of `b`.
+    ///
+    /// # Errors
+    /// As [`Engine::encode`].
+    pub fn infer_symmetric(&self, a: Image<'_>, b: Image<'_>) -> Result<[[HeadOutput; 2]; 2]> {
+        let encodings = self.encode(&[a, b])?;
+        let (a, b) = (&encodings[0], &encodings[1]);
+        let mut outputs = self.decode(&[(a, b), (b, a)])?;
+        let backward = outputs.swap_remove(1);
+        Ok([outputs.swap_remove(0), backward])
+    }
+
+    fn context(&self) -> Context<'_> {
+        Context { level: self.level, pool: &self.pool }
+    }
+
+    fn rope(&self, shape: &Transformer, grids: &[Grid]) -> Rope {
+        let side = grids.iter().map(|grid| grid.height.max(grid.width)).max().unwrap_or(1);
+        Rope::new(shape.dim / shape.num_heads, self.config.rope_base, side)
+    }
+
+    fn encode_watched(&self, images: &[Image<'_>], watch: &mut Watch<'_>) -> Result<Vec<Encoding>> {
+        for image in images {
+            self.check_image(image)?;
+        }
+        let (context, dim, patch) = (self.context(), self.config.encoder.dim, self.config.patch_px);
+        let sizes = images.iter().map(|image| (image.height_px / patch, image.width_px / patch));
+        let grids = grids_of(sizes);
+        let num_tokens: usize = grids.iter().map(Grid::num_tokens).sum();
+        let mut tokens = self.pool.take(num_tokens * dim);
+        {
+            let len = self.patch_embed.inputs;
+            let mut patches = self.pool.take(num_tokens * len);
+            for (image, grid) in images.iter().zip(&grids) {
+                cut(image, patch, *grid, &mut patches[grid.first * len..][..grid.num_tokens() * len]);
+            }
+            context.linear(&patches, &self.patch_embed, &Finish::store(&mut tokens, dim));
+        }
+        watch.see(|| "patch_embed".to_owned(), &[num_tokens, dim], &tokens);
+        let rope = self.rope(&self.config.encoder, &grids);
+        for (idx, block) in self.encoder.iter().enumerate() {
+            block.run(&context, &rope, &mut tokens, &grids);
+            watch.see(|| format!("enc_block{idx}"), &[num_tokens, dim], &tokens);
+        }
+        let mut normed = self.pool.take(tokens.len());
+        context.normalize(&tokens, &self.encoder_norm, &mut normed);
+        watch.see(|| "enc_norm".to_owned(), &[num_tokens, dim], &normed);
+        Ok(grids
+            .iter()
+            .map(|grid| Encoding {
+                height: grid.height,
+                width: grid.width,
+                tokens: normed[grid.first * dim..][..grid.num_tokens() * dim].to_vec(),
+            })
+            .collect())
+    }
+
+    fn check_image(&self, image: &Image<'_>) -> Result<()> {
+        let patch = self.config.patch_px;
+        for (what, side) in [("height", image.height_px), ("width", image.width_px)] {
+            if side == 0 || side % patch != 0 {
+                let expected = format!("a multiple of {patch} pixels");
+                return Err(Error::Image { what, expected, found: side.to_string() });
+            }
+        }
+        let expected = COLORS * image.height_px * image.width_px;
+        if image.values.len() != expected {
+            let found = image.values.len().to_string();
+            return Err(Error::Image { what: "number of values", expected: expected.to_string(), found });
+        }
+        Ok(())
+    }
+
+    fn decode_watched(
+        &self,
+        pairs: &[(&Encoding, &Encoding)],
+        watch: &mut Watch<'_>,
+    ) -> Result<Vec<[HeadOutput; 2]>> {
+        let sides = [pairs.iter().map(|p| p.0).collect(), pairs.iter().map(|p| p.1).collect::<Vec<_>>()];
+        for encoding in sides.iter().flatten() {
+            let expected = encoding.height * encoding.width * self.config.encoder.dim;
+            if encoding.tokens.len() != expected || expected == 0 {
+                let found = encoding.tokens.len().to_string();
+                let expected = expected.to_string();
+                return Err(Error::Image { what: "values of an encoding", expected, found });
+            }
+        }
+        let grids = [0, 1].map(|side| grids_of(sides[side].iter().map(|e| (e.height, e.width))));
+        let hooks = self.decoded(&sides, &grids, watch);
+        let dim = self.config.decoder.dim;
+        let context = self.context();
+        let mut outputs = Vec::with_capacity(pairs.len());
+        for idx in 0..pairs.len() {
+            let [first, second] = [0, 1].map(|side| {
+                let grid = grids[side][idx];
+                let level = |hook: usize| &hooks[side][hook][grid.first * dim..][..grid.num_tokens() * dim];
+                let tokens = [sides[side][idx].tokens.as_slice(), level(0), level(1), level(2)];
+                let hooks = Hooks { tokens, height: grid.height, width: grid.width };
+                self.heads[side].run(&context, &hooks, watch)
+            });
+            outputs.push([first, second]);
+        }
+        Ok(outputs)
+    }
+
+    /// Both sides' tokens at the three hooks inside the decoders.
+    fn decoded(
+        &self,
+        sides: &[Vec<&Encoding>; 2],
+        grids: &[Vec<Grid>; 2],
+        watch: &mut Watch<'_>,
+    ) -> [[Loan<'_>; 3]; 2] {
+        let (context, dim) = (self.context(), self.config.decoder.dim);
+        let counts = [0, 1].map(|side: usize| grids[side].iter().map(Grid::num_tokens).sum::<usize>());
+        let mut tokens = [0, 1].map(|side| {
+            let mut tokens = self.pool.take(counts[side] * dim);
+            for (encoding, grid) in sides[side].iter().zip(&grids[side]) {
+                let part = &mut tokens[grid.first * dim..][..grid.num_tokens() * dim];
+                context.linear(&encoding.tokens, &self.decoder_embed, &Finish::store(part, dim));
+            }
+            watch.see(|| format!("decoder_embed.{}", side + 1), &[counts[side], dim], &tokens);
+            tokens
+        });
+        let all: Vec<Grid> = grids.iter().flatten().copied().collect();
+        let rope = self.rope(&self.config.decoder, &all);
+        let pairs = [0, 1].map(|side: usize| {
+            grids[side].iter().copied().zip(grids[1 - side].iter().copied()).collect::<Vec<_>>()
+        });
+        let mut hooks = [0, 1].map(|side| [0, 1, 2].map(|_| self.pool.take(counts[side] * dim)));
+        let depth_of = |quarters: usize| self.config.decoder.num_blocks * quarters / 4;
+        for idx in 0..self.config.decoder.num_blocks {
+            // Both sides read the other's previous level: what they need of it is computed first.
+            let others = [0, 1].map(|side| {
+                let mut other = self.pool.take(counts[1 - side] * 2 * dim);
+                self.decoders[side][idx].read_other(&context, &tokens[1 - side], &mut other);
+                other
+            });
+            for side in 0..2 {
+                let block = &self.decoders[side][idx];
+                block.run(&context, &rope, &mut tokens[side], &others[side], &pairs[side]);
+                watch.see(|| format!("dec{}_block{idx}", side + 1), &[counts[side], dim], &tokens[side]);
+                for (hook, quarters) in [2, 3].into_iter().enumerate() {
+                    if depth_of(quarters) == idx + 1 {
+                        hooks[side][hook].copy_from_slice(&tokens[side]);
+                    }
+                }
+            }
+        }
+        for side in 0..2 {
+            context.normalize(&tokens[side], &self.decoder_norm, &mut hooks[side][2]);
+            watch.see(|| format!("dec_norm.{}", side + 1), &[counts[side], dim], &hooks[side][2]);
+        }
+        hooks
+    }
+}
+
+/// Grids one after the other.
+fn grids_of(sizes: impl Iterator<Item = (usize, usize)>) -> Vec<Grid> {
+    let mut first = 0;
+    sizes
+        .map(|(height, width)| {
+            let grid = Grid { first, height, width };
+            first += grid.num_tokens();
+            grid
+        })
+        .collect()
+}
+
+/// An image's patches, one row each: channel, row, column.
+fn cut(image: &Image<'_>, patch: usize, grid: Grid, out: &mut [f32]) {
+    let plane = image.height_px * image.width_px;
+    out.par_chunks_mut(COLORS * patch * patch).enumerate().for_each(|(token, row)| {
+        let (y, x) = (token / grid.width * patch, token % grid.width * patch);
+        for (line, to) in row.chunks_exact_mut(patch).enumerate() {
+            let from = line / patch * plane + (y + line % patch) * image.width_px + x;
+            to.copy_from_slice(&image.values[from..from + patch]);
+        }
+    });
+}
+
+/// What the layers take for granted.
+fn check(config: &NetworkConfig) -> Result<()> {
+    let wrong = |what, expected: &str, found: String| {
+        Err(Error::Config { what, expected: expected.to_owned(), found })
+    };
+    if config.patch_px != 16 {
+        // The dense heads enlarge sixteen times.
+        return wrong("patch_px", "16", config.patch_px.to_string());
+    }
+    for shape in [&config.encoder, &config.decoder] {
+        let heads = shape.num_heads;
+        if heads == 0 || shape.dim % heads != 0 || (shape.dim / heads) % 4 != 0 || shape.dim == 0 {
+            let found = format!("{} channels in {heads} heads", shape.dim);
+            return wrong("transformer", "heads of a multiple of four channels", found);
+        }
+        if shape.num_blocks == 0 || shape.mlp_dim == 0 {
+            return wrong("transformer", "at least one block", format!("{shape:?}"));
+        }
+    }
+    if config.decoder.num_blocks < 4 {
+        let found = config.decoder.num_blocks.to_string();
+        return wrong("decoder.num_blocks", "four or more, for the heads' four levels", found);
+    }
+    let widths = [config.dpt_fusion_dim, config.dpt_last_dim, config.descriptor_dim.unwrap_or(1)];
+    if config.dpt_dims.iter().chain(&widths).any(|width| *width == 0) {
+        return wrong("heads", "positive widths", format!("{:?} {widths:?}", config.dpt_dims));
+    }
+    if !(config.rope_base > 1.0 && config.rope_base.is_finite()) {
+        return wrong("rope_base", "a number above 1", config.rope_base.to_string());
+    }
+    Ok(())
+}
