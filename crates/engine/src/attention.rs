@@ -129,7 +129,8 @@ impl Attention<'_> {
                     let rows = std::array::from_fn::<_, ROWS, _>(|row| {
                         queries[(strip * ROWS + row).min(count - 1) * dim..][..dim].as_ptr()
                     });
-                    let tile = &mut scores[strip * ROWS * width + idx * PANEL..][..(ROWS - 1) * width + PANEL];
+                    let tile =
+                        &mut scores[strip * ROWS * width + idx * PANEL..][..(ROWS - 1) * width + PANEL];
                     let product = Product {
                         rows: &rows,
                         segments: &[dim],

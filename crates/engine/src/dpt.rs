@@ -65,11 +65,8 @@ impl Residual {
 
 impl Fusion {
     fn read(reader: &mut Reader<'_>, prefix: &str, dim: usize, joins: bool) -> Result<Self> {
-        let join = if joins {
-            Some(Residual::read(reader, &format!("{prefix}.resConfUnit1"), dim)?)
-        } else {
-            None
-        };
+        let join =
+            if joins { Some(Residual::read(reader, &format!("{prefix}.resConfUnit1"), dim)?) } else { None };
         Ok(Self {
             join,
             smooth: Residual::read(reader, &format!("{prefix}.resConfUnit2"), dim)?,
@@ -152,7 +149,14 @@ impl DptHead {
         }
     }
 
-    fn conv(&self, context: &Context<'_>, from: &Level<'_>, stride: usize, layer: &Packed, finish: &Finish<'_>) {
+    fn conv(
+        &self,
+        context: &Context<'_>,
+        from: &Level<'_>,
+        stride: usize,
+        layer: &Packed,
+        finish: &Finish<'_>,
+    ) {
         let out_width = from.width.div_ceil(stride);
         let input = Input::Conv3(Conv3Input {
             data: &from.data,
@@ -261,7 +265,7 @@ impl DptHead {
         let pixels = Pixels { data: &from.data, width: from.width, height: from.height, channels };
         let name = || format!("{}.refinenet{}", self.name, idx + 1);
         let (full_width, full_height) = (2 * from.width, 2 * from.height);
-        if watch.is_on() {
+        if watch.wants_values() {
             let mut all = context.pool.take(full_width * full_height * channels);
             pixels.enlarge(context.level, full_width, &mut all);
             watch.see(name, &[full_height, full_width, channels], &all);

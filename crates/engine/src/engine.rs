@@ -11,7 +11,7 @@ use crate::head::{Head, Hooks};
 use crate::kernel::Simd;
 use crate::output::HeadOutput;
 use crate::packed::Packed;
-use crate::probe::{Probe, Watch};
+use crate::probe::{Probe, Stage, Watch};
 use crate::rope::Rope;
 use crate::transformer::{Context, DecoderBlock, EncoderBlock};
 use crate::weights::{NamedTensor, Norm, Reader};
@@ -143,13 +143,12 @@ impl Engine {
         self.encode_watched(images, &mut Watch(None))
     }
 
-    /// As [`Engine::encode`] for one image, with a look at every layer.
+    /// As [`Engine::encode`], with progress and, if wanted, a look at every layer (all images' tokens together).
     ///
     /// # Errors
     /// As [`Engine::encode`].
-    pub fn encode_probed(&self, image: Image<'_>, probe: &mut dyn Probe) -> Result<Encoding> {
-        let mut encodings = self.encode_watched(&[image], &mut Watch(Some(probe)))?;
-        Ok(encodings.swap_remove(0))
+    pub fn encode_probed(&self, images: &[Image<'_>], probe: &mut dyn Probe) -> Result<Vec<Encoding>> {
+        self.encode_watched(images, &mut Watch(Some(probe)))
     }
 
     /// Decodes pairs: for each the first view's output and the second's, both in the first camera's frame.
@@ -160,13 +159,16 @@ impl Engine {
         self.decode_watched(pairs, &mut Watch(None))
     }
 
-    /// As [`Engine::decode`] for one pair, with a look at every layer.
+    /// As [`Engine::decode`], with progress and, if wanted, a look at every layer (all pairs' tokens together).
     ///
     /// # Errors
     /// As [`Engine::decode`].
-    pub fn decode_probed(&self, a: &Encoding, b: &Encoding, probe: &mut dyn Probe) -> Result<[HeadOutput; 2]> {
-        let mut outputs = self.decode_watched(&[(a, b)], &mut Watch(Some(probe)))?;
-        Ok(outputs.swap_remove(0))
+    pub fn decode_probed(
+        &self,
+        pairs: &[(&Encoding, &Encoding)],
+        probe: &mut dyn Probe,
+    ) -> Result<Vec<[HeadOutput; 2]>> {
+        self.decode_watched(pairs, &mut Watch(Some(probe)))
     }
 
     /// Both views of a pair in the frame of `a`.
@@ -222,6 +224,7 @@ impl Engine {
         for (idx, block) in self.encoder.iter().enumerate() {
             block.run(&context, &rope, &mut tokens, &grids);
             watch.see(|| format!("enc_block{idx}"), &[num_tokens, dim], &tokens);
+            watch.finished(Stage::EncoderBlock { idx });
         }
         let mut normed = self.pool.take(tokens.len());
         context.normalize(&tokens, &self.encoder_norm, &mut normed);
@@ -277,7 +280,9 @@ impl Engine {
                 let level = |hook: usize| &hooks[side][hook][grid.first * dim..][..grid.num_tokens() * dim];
                 let tokens = [sides[side][idx].tokens.as_slice(), level(0), level(1), level(2)];
                 let hooks = Hooks { tokens, height: grid.height, width: grid.width };
-                self.heads[side].run(&context, &hooks, watch)
+                let output = self.heads[side].run(&context, &hooks, watch);
+                watch.finished(Stage::Head { pair: idx, view: side });
+                output
             });
             outputs.push([first, second]);
         }
@@ -326,6 +331,7 @@ impl Engine {
                     }
                 }
             }
+            watch.finished(Stage::DecoderBlock { idx });
         }
         for side in 0..2 {
             context.normalize(&tokens[side], &self.decoder_norm, &mut hooks[side][2]);

@@ -56,8 +56,9 @@ impl DescriptorHead {
         // The checkpoint has a channel's pixels together; here a pixel's channels are.
         let from = |output: usize| output % channels * area + output / channels;
         let bias2: Vec<f32> = (0..outputs).map(|output| bias2[from(output)]).collect();
-        let fc2 =
-            Packed::new(&[hidden], outputs, Some(&bias2), |output, input| weights2[from(output) * hidden + input]);
+        let fc2 = Packed::new(&[hidden], outputs, Some(&bias2), |output, input| {
+            weights2[from(output) * hidden + input]
+        });
         Ok(Self { fc1, fc2, dim, mode })
     }
 }

@@ -20,10 +20,12 @@ mod transformer;
 mod upsample;
 mod vector;
 mod weights;
+mod yardstick;
 
 pub use engine::{Encoding, Engine, Image};
 pub use error::{Error, Result, SourceError};
 pub use kernel::Simd;
 pub use output::HeadOutput;
-pub use probe::Probe;
+pub use probe::{Probe, Stage};
 pub use weights::NamedTensor;
+pub use yardstick::Yardstick;

@@ -135,7 +135,9 @@ mod tests {
 
     #[test]
     fn chunks_cover_the_row_once() {
-        for sources in [vec![1024], vec![4096], vec![7168], vec![1024, 768], vec![256; 9], vec![768; 9], vec![5]] {
+        for sources in
+            [vec![1024], vec![4096], vec![7168], vec![1024, 768], vec![256; 9], vec![768; 9], vec![5]]
+        {
             let total: usize = sources.iter().sum();
             let chunks = chunks_of(&sources);
             assert_eq!(chunks.iter().flat_map(|c| &c.lens).sum::<usize>(), total);

@@ -41,10 +41,55 @@ impl Rope {
             position * self.quarter..(position + 1) * self.quarter
         };
         let (y, x) = (part(&self.cos, at.0), part(&self.cos, at.1));
-        let angles = Angles {
-            cos: [&self.cos[y.clone()], &self.cos[x.clone()]],
-            sin: [&self.sin[y], &self.sin[x]],
-        };
+        let angles =
+            Angles { cos: [&self.cos[y.clone()], &self.cos[x.clone()]], sin: [&self.sin[y], &self.sin[x]] };
         rotate(level, row, angles, factor, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::levels;
+
+    /// Rounding of f32 for values of a few units.
+    const ROUNDING: f32 = 2e-6;
+
+    #[test]
+    fn shared_golden_rope() {
+        let shared = std::env::var_os("SELENOGRAPH_SHARED")
+            .unwrap_or_else(|| concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared").into());
+        let Ok(bytes) = std::fs::read(std::path::Path::new(&shared).join("golden/rope.safetensors")) else {
+            println!("SKIP shared-data: no goldens");
+            return;
+        };
+        println!("RAN shared-data: golden rope");
+        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        for case in 0..4 {
+            let view = |name: &str| file.tensor(&format!("case{case}.{name}")).unwrap();
+            let floats = |name: &str| -> Vec<f32> {
+                view(name).data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+            };
+            let positions: Vec<usize> = view("pos")
+                .data()
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .map(|b| usize::try_from(i32::from_le_bytes(*b)).unwrap())
+                .collect();
+            let (tokens, expected) = (floats("tokens"), floats("out"));
+            let &[_, heads, count, dim] = view("tokens").shape() else { panic!("tokens have four axes") };
+            let rope = Rope::new(dim, 100.0, positions.iter().max().unwrap() + 1);
+            for level in levels() {
+                for (idx, (row, expected)) in tokens.chunks(dim).zip(expected.chunks(dim)).enumerate() {
+                    let token = idx / (heads * count) * count + idx % count;
+                    let mut out = vec![0.0; dim];
+                    rope.apply(level, (positions[2 * token], positions[2 * token + 1]), row, 1.0, &mut out);
+                    for (found, expected) in out.iter().zip(expected) {
+                        assert!((found - expected).abs() < ROUNDING, "case {case}, {level:?}, row {idx}");
+                    }
+                }
+            }
+        }
     }
 }

@@ -72,7 +72,13 @@ impl<'a> Reader<'a> {
     }
 
     /// A 3×3 convolution.
-    pub(crate) fn conv3(&mut self, prefix: &str, inputs: usize, outputs: usize, biased: bool) -> Result<Packed> {
+    pub(crate) fn conv3(
+        &mut self,
+        prefix: &str,
+        inputs: usize,
+        outputs: usize,
+        biased: bool,
+    ) -> Result<Packed> {
         let weights = self.values(&format!("{prefix}.weight"), &[outputs, inputs, 3, 3])?;
         let bias = if biased { Some(self.values(&format!("{prefix}.bias"), &[outputs])?) } else { None };
         Ok(Packed::conv3(&weights, inputs, outputs, bias.as_deref()))

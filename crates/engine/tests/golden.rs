@@ -1,5 +1,9 @@
 //! The whole network against the reference's intermediates and outputs, part by part.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it read"
+)]
 
 mod goldens;
 
@@ -38,16 +42,25 @@ fn check_case(folder: &str, case: &str) {
             let encodings = [1, 2].map(|view| {
                 let image = golden.image(&format!("img{view}"), item);
                 let mut own = Collected::default();
-                let encoding = engine.encode_probed(image.borrowed(), &mut own).unwrap();
+                let encoding = engine.encode_probed(&[image.borrowed()], &mut own).unwrap();
                 seen.adopt(own, view);
-                encoding
+                encoding.into_iter().next().unwrap()
             });
-            let [a, b] = engine.decode_probed(&encodings[0], &encodings[1], &mut seen).unwrap();
+            let pair = (&encodings[0], &encodings[1]);
+            let [a, b] = engine.decode_probed(&[pair], &mut seen).unwrap().swap_remove(0);
             let inner = golden.compare_all(&seen, item, TOLERANCE);
-            let outer = check_output(&golden, "out1", "pts3d", item, &a)
-                .max(check_output(&golden, "out2", "pts3d_in_other_view", item, &b));
-            println!("{folder}/{case} {}: {} intermediates, worst {inner:.1e}; outputs {outer:.1e}",
-                engine.simd().name(), seen.len());
+            let outer = check_output(&golden, "out1", "pts3d", item, &a).max(check_output(
+                &golden,
+                "out2",
+                "pts3d_in_other_view",
+                item,
+                &b,
+            ));
+            println!(
+                "{folder}/{case} {}: {} intermediates, worst {inner:.1e}; outputs {outer:.1e}",
+                engine.simd().name(),
+                seen.len()
+            );
         }
     }
 }

@@ -2,6 +2,10 @@
 //!
 //! A row is read where it lies, through pointers, and may consist of several segments: so the same kernel
 //! multiplies matrices, concatenated inputs, and the nine taps of a convolution without copying its input.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "kernels have no closures, and registers are counted, not iterated"
+)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

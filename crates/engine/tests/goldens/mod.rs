@@ -13,8 +13,10 @@ pub struct Tolerance(pub f32);
 
 /// The folder of the goldens, announced as the house wants it.
 pub fn root(name: &str) -> Option<PathBuf> {
-    let shared = std::env::var_os("SELENOGRAPH_SHARED")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")), PathBuf::from);
+    let shared = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
+        PathBuf::from,
+    );
     let golden = shared.join("golden");
     if golden.is_dir() {
         println!("RAN shared-data: {name}");
@@ -101,7 +103,8 @@ impl Golden {
         assert_eq!(expected.len(), found.len(), "{name}");
         let top = expected.iter().fold(0.0_f32, |top, v| top.max(v.abs()));
         let differences = expected.iter().zip(found).map(|(a, b)| (a - b).abs());
-        let worst = differences.fold(0.0_f32, |worst, v| if v.is_nan() { f32::INFINITY } else { worst.max(v) });
+        let worst =
+            differences.fold(0.0_f32, |worst, v| if v.is_nan() { f32::INFINITY } else { worst.max(v) });
         assert!(worst <= tolerance.0 * top, "{name}[{item}]: off by {worst}, largest value {top}");
         worst / top
     }
@@ -198,8 +201,12 @@ fn config(folder: &Path) -> NetworkConfig {
         num_heads: number(&format!("{part}_heads")),
         mlp_dim: number("mlp_ratio") * number(&format!("{part}_dim")),
     };
-    let dims: Vec<usize> =
-        json["layer_dims"].as_array().unwrap().iter().map(|v| usize::try_from(v.as_u64().unwrap()).unwrap()).collect();
+    let dims: Vec<usize> = json["layer_dims"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| usize::try_from(v.as_u64().unwrap()).unwrap())
+        .collect();
     NetworkConfig {
         patch_px: number("patch_size"),
         encoder: transformer("enc"),
