@@ -58,6 +58,8 @@ macro_rules! per_level {
         }
     };
 }
+pub(crate) use per_level;
+
 /// Sums kept apart while reducing a row: enough for four 512-bit vectors.
 const LANES: usize = 64;
 

@@ -4,6 +4,7 @@
     clippy::print_stdout,
     reason = "a test fails by panicking, and says what it read"
 )]
+#![allow(dead_code, reason = "the reader of goldens serves two tests")]
 
 mod goldens;
 

@@ -68,6 +68,10 @@ impl Golden {
         &self.0[name].0
     }
 
+    pub fn values(&self, name: &str) -> &[f32] {
+        &self.0[name].1
+    }
+
     /// A batch item's shape and values.
     fn item(&self, name: &str, item: usize) -> (&[usize], &[f32]) {
         let (shape, values) = &self.0[name];

@@ -1,0 +1,157 @@
+//! Matching and focal length against the reference.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it read"
+)]
+#![allow(dead_code, reason = "the reader of goldens serves two tests")]
+
+mod goldens;
+
+use goldens::{Golden, root};
+use selenograph_engine::Simd;
+use selenograph_engine::focal::{bound_focal, focal_of_pointmap};
+use selenograph_engine::matching::{
+    Described, DescriptorMap, Matcher, PixelIndex, PixelPair, inside_border, reciprocal_symmetric,
+};
+
+/// The reference iterates in f32.
+const FOCAL_ROUNDING: f64 = 1e-5;
+
+/// A product and a root in f32.
+const CONFIDENCE_ROUNDING: f32 = 1e-6;
+
+fn levels() -> Vec<Simd> {
+    [Simd::Plain, Simd::Avx2, Simd::Avx512].into_iter().filter(|level| level.is_present()).collect()
+}
+
+fn map<'a>(golden: &'a Golden, name: &str) -> DescriptorMap<'a> {
+    let shape = golden.shape(name);
+    DescriptorMap { height_px: shape[0], width_px: shape[1], dim: shape[2], values: golden.values(name) }
+}
+
+fn pixels(golden: &Golden, name: &str) -> Vec<PixelIndex> {
+    golden.values(name).chunks_exact(2).map(|p| [p[0] as u32, p[1] as u32]).collect()
+}
+
+fn pairs(golden: &Golden, name: &str) -> Vec<PixelPair> {
+    let (a, b) = (pixels(golden, &format!("{name}.xy1")), pixels(golden, &format!("{name}.xy2")));
+    a.into_iter().zip(b).map(|(a, b)| [a, b]).collect()
+}
+
+#[test]
+fn shared_golden_matching() {
+    let Some(root) = root("golden matching") else { return };
+    let golden = Golden::open(&root.join("fast_nn.safetensors"));
+    let (first, second) = (map(&golden, "desc1"), map(&golden, "desc2"));
+    for level in levels() {
+        let mut matcher = Matcher::with_simd(first, second, level).unwrap();
+        for subsample in [8, 4] {
+            let found = matcher.reciprocal(subsample).unwrap();
+            assert_eq!(found, pairs(&golden, &format!("S{subsample}")), "{level:?}");
+            let sizes = [(first.width_px, first.height_px), (second.width_px, second.height_px)];
+            let kept: Vec<f32> =
+                found.iter().map(|pair| f32::from(u8::from(inside_border(*pair, sizes, 3)))).collect();
+            assert_eq!(kept, golden.values(&format!("S{subsample}.keep")));
+        }
+        let indices = |name: &str| golden.values(name).iter().map(|v| *v as u32).collect::<Vec<_>>();
+        assert_eq!(matcher.nearest_of_all(), indices("bf.nnA"), "{level:?}");
+        let starts: Vec<PixelIndex> =
+            indices("tol.init_x").into_iter().zip(indices("tol.init_y")).map(|(x, y)| [x, y]).collect();
+        let mut found = matcher.match_points(&starts, 5.0).unwrap();
+        let mut expected = pairs(&golden, "tol");
+        found.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(found, expected, "{level:?}");
+        let mut reversed = Matcher::with_simd(second, first, level).unwrap();
+        assert_eq!(reversed.nearest_of_all(), indices("bf.nnB"), "{level:?}");
+        // Dense: by its definition.
+        let (forward, backward) = (indices("bf.nnA"), indices("bf.nnB"));
+        let mutual = forward.iter().enumerate().filter(|(idx, to)| backward[**to as usize] as usize == *idx);
+        assert_eq!(matcher.reciprocal_dense().len(), mutual.count());
+    }
+}
+
+#[test]
+fn shared_golden_matching_drops_long_chains() {
+    let Some(root) = root("golden chain") else { return };
+    let golden = Golden::open(&root.join("fast_nn.safetensors"));
+    for level in levels() {
+        let chain = (map(&golden, "chain.desc1"), map(&golden, "chain.desc2"));
+        let mut matcher = Matcher::with_simd(chain.0, chain.1, level).unwrap();
+        assert_eq!(matcher.reciprocal(2).unwrap(), pairs(&golden, "chain"), "{level:?}");
+    }
+}
+
+#[test]
+fn shared_golden_matching_both_ways() {
+    let Some(root) = root("golden symmetric matching") else { return };
+    let golden = Golden::open(&root.join("fast_nn.safetensors"));
+    let described = |map_name: &str, confidence: &str| Described {
+        map: map(&golden, map_name),
+        confidence: golden.values(confidence),
+    };
+    let ways = [
+        [described("desc1", "sym.qonf11"), described("desc2", "sym.qonf21")],
+        [described("sym.desc12", "sym.qonf12"), described("sym.desc22", "sym.qonf22")],
+    ];
+    let found = reciprocal_symmetric(ways, 8).unwrap();
+    let mut expected: Vec<(PixelPair, f32)> =
+        pairs(&golden, "sym").into_iter().zip(golden.values("sym.conf").iter().copied()).collect();
+    expected.sort_by_key(|(pair, _)| pair.map(|[x, y]| [y, x]));
+    assert_eq!(found.len(), expected.len());
+    for ((pair, confidence), (expected_pair, expected)) in found.iter().zip(&expected) {
+        assert_eq!(pair, expected_pair);
+        assert!((confidence - expected).abs() <= CONFIDENCE_ROUNDING * expected, "{confidence} {expected}");
+    }
+}
+
+#[test]
+fn equal_descriptors_give_the_first() {
+    // Two columns of equal descriptors far apart, in tiles that are searched in another order.
+    let (height, width, dim) = (20, 20, 4);
+    let mut values = vec![0.0_f32; height * width * dim];
+    for pixel in [25, 3 + 19 * width, 17] {
+        values[pixel * dim] = 1.0;
+    }
+    let map = DescriptorMap { height_px: height, width_px: width, dim, values: &values };
+    for level in levels() {
+        let nearest = Matcher::with_simd(map, map, level).unwrap().nearest_of_all();
+        assert_eq!(nearest[25], 17, "{level:?}");
+        assert_eq!(nearest[0], 0, "all products are zero: the first pixel");
+    }
+    let short = DescriptorMap { values: &values[1..], ..map };
+    assert!(Matcher::new(short, map).is_err());
+    assert!(Matcher::new(map, DescriptorMap { dim: 2, width_px: 40, ..map }).is_err());
+    assert!(Matcher::new(map, map).unwrap().reciprocal(0).is_err());
+    assert!(Matcher::new(map, map).unwrap().match_points(&[[20, 0]], 5.0).is_err());
+}
+
+#[test]
+fn shared_golden_focal() {
+    let Some(root) = root("golden focal") else { return };
+    let golden = Golden::open(&root.join("geom.safetensors"));
+    let shape = golden.shape("focal.pts3d");
+    let principal = golden.values("focal.pp");
+    let principal = [f64::from(principal[0]), f64::from(principal[1])];
+    let found = focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
+    let close = |found: f64, name: &str| {
+        let expected = f64::from(golden.values(name)[0]);
+        assert!((found / expected - 1.0).abs() < FOCAL_ROUNDING, "{name}: {found} {expected}");
+    };
+    close(found, "focal.weiszfeld");
+    close(bound_focal(found, (shape[1], shape[0]), (2.0, 3.5)), "focal.weiszfeld_clipped");
+    assert_eq!(focal_of_pointmap(&[0.0; 12], 2, [1.0, 1.0]), None);
+}
+
+#[test]
+fn descriptors_that_are_no_numbers_match_nothing() {
+    let (height, width, dim) = (9, 10, 3);
+    let mut values: Vec<f32> =
+        (0..height * width * dim).map(|k| ((k * 7919 + 13) % 1009) as f32 - 504.0).collect();
+    values[44 * dim] = f32::NAN;
+    let map = DescriptorMap { height_px: height, width_px: width, dim, values: &values };
+    let found = Matcher::new(map, map).unwrap().reciprocal_dense();
+    assert!(!found.is_empty());
+    assert!(found.iter().all(|pair| pair[0] != [4, 4] && pair[1] != [4, 4]));
+}
