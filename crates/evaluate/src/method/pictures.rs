@@ -8,7 +8,7 @@ use selenograph_pose::relative::{CannotSay, Match, Order, Refinement, RelativeOp
 use selenograph_reconstruct::features::orb;
 use selenograph_reconstruct::matching;
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, PairPose, SiftOptions};
-use selenograph_reconstruct::stereo::{self, StereoOptions};
+use selenograph_reconstruct::stereo::{self, Completion, StereoOptions};
 use selenograph_reconstruct::{Prediction, View};
 
 /// Best matches that the reference protocol keeps.
@@ -39,7 +39,9 @@ pub fn stereo([a, b]: &[View; 2]) -> Prediction {
     let inliers = found.matches.iter().filter(|m| m.inlier);
     let seeds: Vec<stereo::Seed> = inliers.map(|m| stereo::Seed { a: m.a, b: m.b }).collect();
     let cam_b_from_cam_a = found.pose.cam_b_from_cam_a;
-    match stereo::dense(a, b, &cam_b_from_cam_a, &seeds, &StereoOptions::default()) {
+    // The whole image is judged too: what lies outside the overlap is carried on and marked as completed.
+    let options = StereoOptions { completion: Completion::Everywhere, ..StereoOptions::default() };
+    match stereo::dense(a, b, &cam_b_from_cam_a, &seeds, &options) {
         Ok(dense) => dense.to_prediction(a, b),
         // The pose stands; its pixels have no answer and count as such.
         Err(_) => Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views: None },
