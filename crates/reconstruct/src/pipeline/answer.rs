@@ -65,7 +65,7 @@ pub enum Warning {
     NotMetric,
     /// The focal length was estimated.
     #[error(
-        "no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.1} px"
+        "no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.2} px"
     )]
     FocalEstimated {
         /// Pixels.

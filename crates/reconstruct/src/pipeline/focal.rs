@@ -36,6 +36,8 @@ const NUM_TRIED: usize = 13;
 const CUTOFF_PX: f64 = 1.5;
 /// Matches are correlated and no picture is a perfect pinhole: the sigma of independent noise is too small by about this factor.
 const SIGMA_FACTOR: f64 = 3.0;
+/// No lens is a pinhole, and no resampled picture exact, to better than this: what all matches share does not average out, pixels.
+const NOISE_FLOOR_PX: f64 = 0.1;
 /// A focal length known worse than this share of itself is not better than an assumed one.
 const LARGEST_SHARE: f64 = 0.05;
 /// Fewer matches leave too little beside the six unknowns.
@@ -72,7 +74,7 @@ pub fn estimate(matches: &[Centred], width_px: f64, seed: u64) -> Option<FocalEs
     let log_focal = golden_section(tried[best - 1].0.ln(), tried[best + 1].0.ln(), &at);
     let focal_px = log_focal.exp();
     let fit = refined(matches, focal_px, &start);
-    let sigma_px = noise_px(matches, focal_px, &fit.motion);
+    let sigma_px = noise_px(matches, focal_px, &fit.motion).max(NOISE_FLOOR_PX);
     // Second difference of the squared residuals over the logarithm of the focal length.
     let step = 0.05;
     let curvature = (at(log_focal - step) - 2.0 * fit.cost + at(log_focal + step)) / (step * step);
