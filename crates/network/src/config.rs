@@ -1,6 +1,19 @@
 //! Dimensions of a network of the MASt3R family.
 
+use crate::Error;
 use serde::{Deserialize, Serialize};
+
+/// Most blocks, channels and heads that are believed: beyond them a file is damaged or hostile, and sizes could overflow.
+const MAX_BLOCKS: usize = 256;
+const MAX_DIM: usize = 1 << 14;
+/// RGB.
+pub const IMAGE_CHANNELS: usize = 3;
+/// Channels of a point head: x, y, z, confidence.
+pub const POINT_CHANNELS: usize = 4;
+/// Hidden channels of the descriptor MLP for each of its input channels.
+const DESCRIPTOR_MLP_RATIO: usize = 4;
+/// Epsilon of every layer norm.
+pub const NORM_EPSILON: f64 = 1e-6;
 
 /// A transformer's width, depth and heads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,6 +27,37 @@ pub struct Transformer {
     pub num_heads: usize,
     /// Hidden channels of a block's MLP.
     pub mlp_dim: usize,
+}
+
+impl Transformer {
+    /// Channels of an attention head.
+    pub fn head_dim(&self) -> usize {
+        self.dim / self.num_heads
+    }
+
+    fn check(&self, which: &'static str) -> Result<(), Error> {
+        let refuse =
+            |expected: &'static str, found: usize| Err(Error::Config { what: which, expected, found });
+        if !(1..=MAX_DIM).contains(&self.dim) {
+            return refuse("1 to 16384 channels", self.dim);
+        }
+        if !(1..=MAX_BLOCKS).contains(&self.num_blocks) {
+            return refuse("1 to 256 blocks", self.num_blocks);
+        }
+        if !(1..=MAX_DIM * 8).contains(&self.mlp_dim) {
+            return refuse("1 to 131072 channels in the MLP", self.mlp_dim);
+        }
+        if self.num_heads == 0 || !self.dim.is_multiple_of(self.num_heads) {
+            return refuse("a number of heads that divides the channels", self.num_heads);
+        }
+        if !self.head_dim().is_multiple_of(4) {
+            return refuse(
+                "a multiple of 4 channels in a head, as the rotary encoding needs",
+                self.head_dim(),
+            );
+        }
+        Ok(())
+    }
 }
 
 /// How the raw head output becomes a distance from the origin.
@@ -37,6 +81,7 @@ pub enum ConfidenceMode {
         /// Smallest confidence.
         min: f64,
         /// Largest confidence, may be infinite.
+        #[serde(with = "limit")]
         max: f64,
     },
     /// `(max − min) σ(x) + min`.
@@ -74,4 +119,94 @@ pub struct NetworkConfig {
     pub confidence: ConfidenceMode,
     /// Confidence of the descriptors; `None` if the points' is used for both.
     pub descriptor_confidence: Option<ConfidenceMode>,
+}
+
+impl NetworkConfig {
+    /// Which of the decoder's levels each level of the DPT heads reads: 0 is the encoder's output, `l` the output of the
+    /// decoder's block `l − 1`; the last one passes through `dec_norm`.
+    pub fn hooks(&self) -> [usize; 4] {
+        let blocks = self.decoder.num_blocks;
+        [0, blocks * 2 / 4, blocks * 3 / 4, blocks]
+    }
+
+    /// Pixels of a patch.
+    pub fn patch_area(&self) -> usize {
+        self.patch_px * self.patch_px
+    }
+
+    /// Channels of the first convolution of the DPT heads' last stage.
+    pub fn dpt_half_dim(&self) -> usize {
+        self.dpt_fusion_dim / 2
+    }
+
+    /// Input channels of the descriptor MLP: encoder and decoder side by side.
+    pub fn descriptor_input_dim(&self) -> usize {
+        self.encoder.dim + self.decoder.dim
+    }
+
+    /// Hidden channels of the descriptor MLP.
+    pub fn descriptor_hidden_dim(&self) -> usize {
+        DESCRIPTOR_MLP_RATIO * self.descriptor_input_dim()
+    }
+
+    /// Channels per pixel that the descriptor MLP gives: the descriptor and, with
+    /// [`NetworkConfig::descriptor_confidence`], its confidence after it. `None` without descriptors.
+    pub fn descriptor_channels(&self) -> Option<usize> {
+        Some(self.descriptor_dim? + usize::from(self.descriptor_confidence.is_some()))
+    }
+
+    /// Finds dimensions that no network has, before anything is computed from them.
+    ///
+    /// # Errors
+    /// [`Error::Config`] names the dimension.
+    pub fn check(&self) -> Result<(), Error> {
+        let refuse = |what, expected, found| Err(Error::Config { what, expected, found });
+        self.encoder.check("encoder")?;
+        self.decoder.check("decoder")?;
+        if !(1..=64).contains(&self.patch_px) {
+            return refuse("patch size", "1 to 64 pixels", self.patch_px);
+        }
+        if !(2..=MAX_DIM).contains(&self.dpt_fusion_dim) || !self.dpt_fusion_dim.is_multiple_of(2) {
+            return refuse("DPT fusion width", "an even number up to 16384", self.dpt_fusion_dim);
+        }
+        for dim in self.dpt_dims.into_iter().chain([self.dpt_last_dim]) {
+            if !(1..=MAX_DIM).contains(&dim) {
+                return refuse("DPT width", "1 to 16384 channels", dim);
+            }
+        }
+        match self.descriptor_dim {
+            Some(dim) if !(1..=1024).contains(&dim) => refuse("descriptor", "1 to 1024 channels", dim),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// An upper limit that may be infinite, which JSON has no number for.
+mod limit {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Limit {
+        Number(f64),
+        Word(String),
+    }
+
+    pub fn serialize<S: Serializer>(limit: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        if *limit == f64::INFINITY {
+            Limit::Word("inf".into()).serialize(serializer)
+        } else {
+            Limit::Number(*limit).serialize(serializer)
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        match Limit::deserialize(deserializer)? {
+            Limit::Number(limit) => Ok(limit),
+            Limit::Word(word) if word == "inf" => Ok(f64::INFINITY),
+            Limit::Word(word) => {
+                Err(serde::de::Error::custom(format!("expected a number or `inf`, found `{word}`")))
+            }
+        }
+    }
 }
