@@ -389,7 +389,8 @@ mod tests {
     #[test]
     fn strangers_are_named_with_what_was_expected() {
         let cases = [
-            ("os.system('rm')", "grammar"),
+            ("os.system('rm')", "AsymmetricMASt3R"),
+            ("'os'", "grammar"),
             ("Evil(a=1)", "AsymmetricMASt3R"),
             ("AsymmetricMASt3R(layers=3)", "enc_embed_dim"),
             ("AsymmetricMASt3R(enc_depth='many')", "whole number"),

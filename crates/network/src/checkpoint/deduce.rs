@@ -9,7 +9,9 @@ use std::path::Path;
 
 /// Channels of an attention head in every published network of the family.
 const USUAL_HEAD_DIM: usize = 64;
-const MLP_RATIO: usize = 4;
+/// Side of a patch and width of an MLP in every published network.
+const USUAL_PATCH_PX: usize = 16;
+const USUAL_MLP_RATIO: usize = 4;
 
 /// Numbers of attention heads, for files that do not tell them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -42,7 +44,7 @@ pub(super) fn deduce(
 ) -> Result<Deduced, Error> {
     let mut deducer = Deducer { tensors, model, path, notes: Vec::new() };
     let family = deducer.family()?;
-    let patch_px = deducer.number(|m| m.patch_px, "patch_embed.proj.weight", 2, "the size of a patch")?;
+    let patch_px = deducer.patch_px()?;
     let encoder = deducer.transformer(&ENCODER, heads.encoder)?;
     let decoder = deducer.transformer(&DECODER, heads.decoder)?;
     let mut config = NetworkConfig { patch_px, encoder, decoder, ..Preset::Mast3rVitl.config() };
@@ -121,15 +123,16 @@ impl Deducer<'_> {
         Ok(family)
     }
 
-    fn number(
-        &self,
-        stated: impl Fn(&ModelString) -> Option<usize>,
-        name: &str,
-        side: usize,
-        what: &str,
-    ) -> Result<usize, Error> {
-        let stated = self.model.and_then(stated);
-        stated.or_else(|| self.side(name, side)).ok_or_else(|| self.unknown(what))
+    fn patch_px(&mut self) -> Result<usize, Error> {
+        let stated = self.model.and_then(|model| model.patch_px);
+        if let Some(side) = stated.or_else(|| self.side("patch_embed.proj.weight", 2)) {
+            return Ok(side);
+        }
+        if self.model.is_none() {
+            return Err(self.unknown("the size of a patch"));
+        }
+        self.notes.push(format!("size of a patch not stated: {USUAL_PATCH_PX} pixels assumed"));
+        Ok(USUAL_PATCH_PX)
     }
 
     fn transformer(&mut self, place: &Place, heads: Option<usize>) -> Result<Transformer, Error> {
@@ -147,7 +150,7 @@ impl Deducer<'_> {
         let first_mlp = format!("{}0.mlp.fc1.weight", place.blocks);
         let stated_mlp = self.model.and_then(|model| model.mlp_ratio).map(|ratio| ratio.saturating_mul(dim));
         let mlp_dim =
-            stated_mlp.or_else(|| self.side(&first_mlp, 0)).unwrap_or(dim.saturating_mul(MLP_RATIO));
+            stated_mlp.or_else(|| self.side(&first_mlp, 0)).unwrap_or(dim.saturating_mul(USUAL_MLP_RATIO));
         let num_heads = match heads.or(stated_heads) {
             Some(heads) => heads,
             None if dim.is_multiple_of(USUAL_HEAD_DIM) && dim > 0 => {

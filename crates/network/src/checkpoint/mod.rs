@@ -201,6 +201,15 @@ impl Checkpoint {
         tensor.read_into(&self.source, &self.path, values)
     }
 
+    /// Shape and values of a tensor, as executors ask for them.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::read`].
+    pub fn read_with_shape(&self, name: &str) -> Result<(Vec<usize>, Vec<f32>), Error> {
+        let values = self.read(name)?;
+        Ok((self.tensor(name).map(|tensor| tensor.shape.clone()).unwrap_or_default(), values))
+    }
+
     /// Makes sure that every tensor that a forward pass reads is there, once, in its shape.
     ///
     /// # Errors

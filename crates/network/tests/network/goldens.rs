@@ -2,7 +2,7 @@
 
 use selenograph_network::checkpoint::{Format, HeadCounts};
 use selenograph_network::input::{Filter, Plan, Rgb8, Rule, SquareCrop};
-use selenograph_network::layout::{Layout, Purpose};
+use selenograph_network::layout::{Layout, Purpose, TensorSpec};
 use selenograph_network::{Checkpoint, Error, NetworkConfig, Preset};
 use std::path::{Path, PathBuf};
 
@@ -61,7 +61,7 @@ fn shared_full_layout_is_that_of_the_reference() {
         assert_eq!(listed.get(&spec.name), Some(&serde_json::json!(spec.shape)), "{}", spec.name);
     }
     assert_eq!(layout.num_parameters(), 688_638_856);
-    assert_eq!(layout.specs().iter().map(|spec| spec.len()).sum::<usize>(), 695_274_376);
+    assert_eq!(layout.specs().iter().map(TensorSpec::len).sum::<usize>(), 695_274_376);
     let aliases = layout.specs().iter().filter(|spec| spec.is_alias());
     assert_eq!(aliases.count(), 8);
     let unused: Vec<&str> =

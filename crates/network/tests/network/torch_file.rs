@@ -19,12 +19,12 @@ impl Zip {
         for (name, data) in &self.entries {
             let start = out.len() as u32;
             let sizes = [data.len() as u32, data.len() as u32 + self.lie];
-            out.extend(header(0x0403_4b50, &[20, 0, self.method, 0, 0], sizes, name));
+            out.extend(header(0x0403_4b50, &[20, 0, self.method, 0, 0], sizes));
             out.extend_from_slice(&(name.len() as u16).to_le_bytes());
             out.extend_from_slice(&0u16.to_le_bytes());
             out.extend_from_slice(name.as_bytes());
             out.extend_from_slice(data);
-            directory.extend(header(0x0201_4b50, &[20, 20, 0, self.method, 0, 0], sizes, name));
+            directory.extend(header(0x0201_4b50, &[20, 20, 0, self.method, 0, 0], sizes));
             for value in [name.len() as u16, 0, 0, 0, 0, 0, 0] {
                 directory.extend_from_slice(&value.to_le_bytes());
             }
@@ -65,9 +65,9 @@ impl Zip {
 }
 
 /// Signature, versions, flags, method, time and date, checksum, sizes; the lengths of names follow.
-fn header(signature: u32, shorts: &[u16], sizes: [u32; 2], _name: &str) -> Vec<u8> {
+fn header(signature: u32, shorts: &[u16], sizes: [u32; 2]) -> Vec<u8> {
     let mut out = signature.to_le_bytes().to_vec();
-    for value in shorts.iter().chain(&[0]) {
+    for value in shorts {
         out.extend_from_slice(&value.to_le_bytes());
     }
     out.extend_from_slice(&0u32.to_le_bytes());
