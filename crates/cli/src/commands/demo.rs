@@ -80,7 +80,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         figures: false,
         target: target(at("evaluation")),
     };
-    ui.timed("evaluation", || evaluate::run(&evaluation, &quiet))?;
+    ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
     std::fs::write(at("report.html"), front_page(folder)?)?;
     draft.commit()?;
     ui.note(&format!(

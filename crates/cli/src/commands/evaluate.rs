@@ -24,11 +24,36 @@ const PRINTED: [&str; 4] = ["pose", "terrain_overlap", "terrain_paper", "hard_ca
 /// Items whose figures stand in the page; those of the others are in files only.
 const MAX_IN_PAGE: usize = 12;
 
+/// Evaluates, writes lines, tables and the report, and prints the first tables.
+///
+/// # Errors
+/// Those of [`score`].
+pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
+    let Scores { results, summary, outcome } = score(args, ui)?;
+    if ui.json {
+        ui.data_json(&summary)?;
+    } else {
+        for table in results.all().filter(|table| PRINTED.contains(&table.spec.id.as_str())) {
+            ui.data(&table.text())?;
+        }
+    }
+    ui.note(&format!("evaluation: {}", args.target.out.display()));
+    Ok(outcome)
+}
+
+/// What an evaluation comes to.
+pub struct Scores {
+    results: Results,
+    summary: serde_json::Value,
+    /// With what was skipped.
+    pub outcome: Outcome,
+}
+
 /// Evaluates, and writes lines, tables and the report.
 ///
 /// # Errors
 /// An unknown method, a folder without pairs or without truth, an output folder of something else.
-pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
+pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Scores> {
     let methods = methods(&args.methods)?;
     let choice = choice(args)?;
     let source = ui.timed("look at the dataset", || Source::open(&args.dataset, &choice))?;
@@ -44,15 +69,8 @@ pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
     let summary = summary_json(&source, &outcome, &methods);
     write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
     ui.timed("figures and report", || write_report(&source, &outcome, &methods, &results, args, ui))?;
-    if ui.json {
-        ui.data_json(&summary)?;
-    } else {
-        for table in results.all().filter(|table| PRINTED.contains(&table.spec.id.as_str())) {
-            ui.data(&table.text())?;
-        }
-    }
-    ui.note(&format!("evaluation: {}", args.target.out.display()));
-    Ok(if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) })
+    let outcome = if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) };
+    Ok(Scores { results, summary, outcome })
 }
 
 /// Plots, figures, and the page that shows them.
