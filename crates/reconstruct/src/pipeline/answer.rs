@@ -86,7 +86,9 @@ pub enum Warning {
     },
     /// The given pose and the pictures do not agree well.
     #[error(
-        "only {agreeing} of {matches} matches agree with the relative pose that was given ({residual_px:.2} px)"
+        "the relative pose that was given and the pictures do not agree well: {agreeing} of {matches} matches lie within {tolerance_px} px of \
+         their epipolar lines, {residual_px:.2} px (rms) beside them; points are shifted by as much",
+        tolerance_px = super::given::TOLERANCE_PX
     )]
     PoseDisagrees {
         /// Matches that agree.

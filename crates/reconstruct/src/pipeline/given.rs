@@ -22,7 +22,7 @@ pub(super) struct Start {
 }
 
 /// Poses from navigation are off by pixels: matches are judged by this many pixels, in place of the threshold of an estimate.
-const TOLERANCE_PX: f64 = 3.0;
+pub(super) const TOLERANCE_PX: f64 = 3.0;
 /// Fewer matches that agree are as good as chance.
 const MIN_AGREEING: usize = 8;
 /// A smaller share of agreeing matches is said.

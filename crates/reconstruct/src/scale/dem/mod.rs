@@ -2,9 +2,13 @@
 //!
 //! What is minimised is the height of the predicted points over the model, `r = height(p) − model(map(p))`, with Tukey's
 //! weights against blunders and against relief that the model does not hold. Seven numbers may change (shift, turn and scale
-//! about the scene's middle), but a level plain says nothing about a horizontal shift: each number has a prior from the
-//! accuracy of the pose that was given, and moves from it only as far as the surface demands. The result says which
-//! numbers the surface has decided ([`DemAlignment::observed`]).
+//! about the scene's middle), but a level plain says nothing about a horizontal shift, and gentle relief little about the
+//! scale. What is known beforehand is where camera A stands and looks: the change moves and turns it only as far as the
+//! surface demands against the accuracies given. Seen from a known place, the model's level tells the scale. The result says
+//! which numbers the surface has decided ([`DemAlignment::observed`]).
+//!
+//! The equations are those of least squares with the model's heights as instruments: the predicted heights have errors (and
+//! relief finer than the model), which would pull the scale down if they stood on both sides.
 //!
 //! # Source
 //! Point-to-surface registration after Chen & Medioni 1992, "Object modelling by registration of multiple range images", with
@@ -119,15 +123,8 @@ pub fn align(
     // A turned camera moves the whole scene.
     let shift_sigma = options.position_sigma_m.hypot(turn_sigma * range);
     let scale_sigma = if scale.is_some() { options.scale_sigma } else { FREE_SCALE_SIGMA };
-    let prior = SVector::from([
-        shift_sigma,
-        shift_sigma,
-        shift_sigma,
-        turn_sigma,
-        turn_sigma,
-        turn_sigma,
-        scale_sigma,
-    ]);
+    let prior = Prior { position: options.position_sigma_m, turn: turn_sigma, scale: scale_sigma };
+    let known = prior.of_the_scene(shift_sigma);
     let before = problem.residuals(&Change::default());
     let num_points = before.len();
     if num_points < MIN_POINTS {
@@ -147,7 +144,7 @@ pub fn align(
             break;
         }
     }
-    problem.finish(&start, &change, &information, &prior, &before)
+    problem.finish(&start, &change, &information, &known, &before)
 }
 
 /// The scale at which the surface lies at the model's height, in the median, seen from a fixed pose.
@@ -181,6 +178,21 @@ fn scale_at_pose(
     Ok(scale)
 }
 
+/// What is known of camera A and of the scale, as standard deviations: metres, radians, a fraction.
+#[derive(Debug, Clone, Copy)]
+struct Prior {
+    position: f64,
+    turn: f64,
+    scale: f64,
+}
+
+impl Prior {
+    /// The same for the seven numbers of the scene, about its middle.
+    fn of_the_scene(&self, shift: f64) -> SVector<f64, 7> {
+        SVector::from([shift, shift, shift, self.turn, self.turn, self.turn, self.scale])
+    }
+}
+
 /// What is changed: shift in metres, turn in radians, logarithm of the scale.
 #[derive(Debug, Clone, Copy, Default)]
 struct Change {
@@ -205,6 +217,8 @@ struct Problem<'a> {
     middle: Point3<f64>,
     body_from_enu: Rigid3<BodyFixed, Enu>,
     points: Vec<Vector3<f64>>,
+    /// Camera A as it was given, in the same axes.
+    cam_a: Vector3<f64>,
     /// Root mean square distance from the middle, metres.
     extent: f64,
 }
@@ -221,7 +235,8 @@ impl<'a> Problem<'a> {
         let enu_from_body = body_from_enu.inverse();
         let points: Vec<Vector3<f64>> = placed.iter().map(|p| enu_from_body.point(p).coords).collect();
         let extent = (points.iter().map(Vector3::norm_squared).sum::<f64>() / count).sqrt();
-        Self { dem, middle, body_from_enu, points, extent }
+        let cam_a = enu_from_body.point(&start.origin()).coords;
+        Self { dem, middle, body_from_enu, points, cam_a, extent }
     }
 
     fn moved<'c>(&'c self, change: &Change) -> impl Fn(&Vector3<f64>) -> Vector3<f64> + use<'c, 'a> {
@@ -268,7 +283,7 @@ impl<'a> Problem<'a> {
     }
 
     /// One Gauss-Newton step and the information behind it.
-    fn step(&self, change: &Change, prior: &SVector<f64, 7>) -> (SVector<f64, 7>, SMatrix<f64, 7, 7>) {
+    fn step(&self, change: &Change, prior: &Prior) -> (SVector<f64, 7>, SMatrix<f64, 7, 7>) {
         let moved = self.moved(change);
         let half = 0.5 * self.dem.cell_m();
         let rows: Vec<(f64, SVector<f64, 7>)> = self
@@ -284,7 +299,9 @@ impl<'a> Problem<'a> {
                     )
                 };
                 let gradient = Vector3::new(along(Vector3::x())?, along(Vector3::y())?, 1.0);
-                let arm = x - change.shift();
+                // The point of the model below: relief that the model does not hold would otherwise be made smaller by
+                // making everything smaller, and the scale would come out too small.
+                let arm = x - Vector3::z() * residual - change.shift();
                 let turn = arm.cross(&gradient);
                 let row = [gradient.x, gradient.y, gradient.z, turn.x, turn.y, turn.z, gradient.dot(&arm)];
                 Some((residual, SVector::from(row)))
@@ -299,13 +316,33 @@ impl<'a> Problem<'a> {
             information += row * row.transpose() * weight;
             right -= row * (residual * weight);
         }
-        for i in 0..7 {
-            let weight = 1.0 / (prior[i] * prior[i]);
+        self.add_prior(change, prior, &mut information, &mut right);
+        let step = information.cholesky().map_or_else(SVector::zeros, |c| c.solve(&right));
+        (step, information)
+    }
+
+    /// Camera A stands and looks as it was given, to within what is known; a scene that is scaled or turned moves it too.
+    fn add_prior(
+        &self,
+        change: &Change,
+        prior: &Prior,
+        information: &mut SMatrix<f64, 7, 7>,
+        right: &mut SVector<f64, 7>,
+    ) {
+        let cam_a = self.moved(change)(&self.cam_a);
+        let arm = cam_a - change.shift();
+        let mut jacobian = SMatrix::<f64, 3, 7>::zeros();
+        jacobian.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
+        jacobian.fixed_view_mut::<3, 1>(0, 6).copy_from(&arm);
+        let weight = prior.position.powi(-2);
+        *information += jacobian.transpose() * jacobian * weight;
+        *right -= jacobian.transpose() * (cam_a - self.cam_a) * weight;
+        for (i, sigma) in [(3, prior.turn), (4, prior.turn), (5, prior.turn), (6, prior.scale)] {
+            let weight = sigma.powi(-2);
             information[(i, i)] += weight;
             right[i] -= weight * change.values[i];
         }
-        let step = information.cholesky().map_or_else(SVector::zeros, |c| c.solve(&right));
-        (step, information)
     }
 
     /// How many points share one independent error: those over one cell of the model.
