@@ -1,5 +1,9 @@
 //! Pictures that were really taken: an Apollo 15 pair with its label's cameras, and a Kaguya picture beside a rendering of the same ground.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it ran on"
+)]
 
 use selenograph_geometry::{BodyFixed, Cam, CamA, CamB, Rigid3, Vector2};
 use selenograph_raster::Raster;
