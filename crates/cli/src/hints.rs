@@ -24,6 +24,9 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         if let Some(error) = cause.downcast_ref::<selenograph_reconstruct::Error>() {
             return reconstruct(error);
         }
+        if let Some(error) = cause.downcast_ref::<selenograph_network::Error>() {
+            return network(error);
+        }
         if let Some(error) = cause.downcast_ref::<selenograph_evaluate::Error>() {
             return evaluate(error);
         }
@@ -119,6 +122,15 @@ fn reconstruct(error: &selenograph_reconstruct::Error) -> Option<String> {
         Error::Undetermined { .. } => error.hint().map(str::to_owned).or_else(|| {
             some("`selenograph reconstruct --help` lists what may be known of the pictures; give it, or leave out what asks for it")
         }),
+        _ => error.hint().map(str::to_owned),
+    }
+}
+
+fn network(error: &selenograph_network::Error) -> Option<String> {
+    use selenograph_network::Error;
+    match error {
+        Error::Geometry(error) => geometry(error),
+        Error::Io { source, .. } => io(source.kind()),
         _ => error.hint().map(str::to_owned),
     }
 }

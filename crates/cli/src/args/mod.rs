@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod frames;
 pub mod reconstruct;
 pub mod render;
+pub mod weights;
 
 use clap::{Args, Parser, Subcommand};
 use std::num::NonZeroUsize;
@@ -98,6 +99,9 @@ pub enum Command {
     /// Squares of an image sequence, cut at regular intervals, as pairs
     #[command(after_help = "Example:\n  selenograph frames descent_pictures --every 30 --gap 15 --out pairs")]
     Frames(frames::Frames),
+    /// Checkpoints of networks: what is in them, conversion, random ones
+    #[command(subcommand)]
+    Weights(weights::WeightsCommand),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

@@ -25,11 +25,13 @@ mod reconstruct;
 mod render;
 mod run_record;
 mod terrain_info;
+mod weights;
 
 use crate::args::Command;
 use crate::args::campaign::ConfigCommand;
 use crate::args::data::DataCommand;
 use crate::args::dem::DemCommand;
+use crate::args::weights::WeightsCommand;
 use crate::exit::Outcome;
 use crate::ui::Ui;
 use selenograph_render::InstructionSet;
@@ -66,6 +68,9 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Evaluate(args) => evaluate::run(args, ui),
         Command::Reconstruct(args) => reconstruct::run(args, ui),
         Command::Frames(args) => frames::run(args, ui),
+        Command::Weights(WeightsCommand::Info(args)) => weights::info(args, ui),
+        Command::Weights(WeightsCommand::Convert(args)) => weights::convert(args, ui),
+        Command::Weights(WeightsCommand::Random(args)) => weights::random(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),

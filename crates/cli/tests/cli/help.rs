@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 19] = [
+const COMMANDS: [&str; 22] = [
     "demo",
     "dem info",
     "dem import",
@@ -20,6 +20,9 @@ const COMMANDS: [&str; 19] = [
     "evaluate",
     "reconstruct",
     "frames",
+    "weights info",
+    "weights convert",
+    "weights random",
     "presets",
     "config show",
     "completions",

@@ -14,3 +14,4 @@ mod photometry;
 mod program;
 mod reconstruct;
 mod tiff;
+mod weights;
