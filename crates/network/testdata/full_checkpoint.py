@@ -4,7 +4,7 @@
     python3 full_checkpoint.py full_shapes.json full.pth
 
 `full_shapes.json` maps each name of the state dict to its shape. With PyTorch installed `torch.save` writes the file;
-without it the same bytes are laid out by hand (protocol 2 pickle, stored entries aligned to 64 bytes), so that no
+without it the same bytes are laid out by hand (protocol 2 pickle, stored entries), so that no
 download of several gigabytes is needed. `scratch.layer_rn.N` shares its storage with `scratch.layer{N+1}_rn`.
 """
 import argparse
