@@ -200,11 +200,15 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
             let sigmas: Vec<f64> = refined.iter().map(|r| r.sigma_px).collect();
             let aligned: Vec<Match> =
                 refined.iter().map(|r| Match { a: r.a, b: r.b, score: -r.sigma_px }).collect();
-            Estimated::new(&aligned, Some(&sigmas), cameras, &robust(options.refined_threshold_px)).ok()
-        })
-        .flatten();
+            Estimated::new(&aligned, Some(&sigmas), cameras, &robust(options.refined_threshold_px))
+        });
     durations.refinement = clock.lap();
-    Ok(second.unwrap_or(first).into_pair(counts, durations))
+    match second {
+        Some(Ok(second)) => Ok(second.into_pair(counts, durations)),
+        // What looked like a motion was the noise of the features.
+        Some(Err(none @ CannotSay::NoParallax { .. })) => Err(none),
+        Some(Err(_)) | None => Ok(first.into_pair(counts, durations)),
+    }
 }
 
 /// Features of both pictures and their matches.
