@@ -60,8 +60,9 @@ pub fn above_chance(
 
 /// Parallax below this multiple of the noise (of variances) says nothing about a direction.
 const PARALLAX_TO_NOISE: f64 = 2.0;
-/// Noise is never taken as less than this part of the inlier threshold: below it, rounding and interpolation decide.
-const NOISE_FLOOR: f64 = 1e-3;
+/// Noise is never taken as less than this part of the inlier threshold: below it interpolation decides, whose errors are alike in
+/// neighbouring windows and would pass as parallax.
+const NOISE_FLOOR: f64 = 0.02;
 /// Share of the matches that may lie far from the rotation by chance (outliers on their epipolar lines).
 const STRAY_SHARE: f64 = 0.05;
 
