@@ -1,0 +1,2 @@
+//! Losses, optimiser, schedule and the training run.
+#![forbid(unsafe_code)]
