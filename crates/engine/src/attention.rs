@@ -70,14 +70,15 @@ impl Attention<'_> {
         let out = SharedOut::new(out);
         for (queries, keys) in self.pairs {
             let layout = Layout::new(keys.num_tokens(), self.head_dim);
-            let mut packed = self.pool.take(self.num_heads * (layout.keys + layout.values));
-            packed.par_chunks_mut(layout.keys + layout.values).enumerate().for_each(|(head, part)| {
+            let len = packed_len(keys.num_tokens(), self.head_dim);
+            let mut packed = self.pool.take(self.num_heads * len);
+            packed.par_chunks_mut(len).enumerate().for_each(|(head, part)| {
                 self.pack(head, *keys, &layout, part);
             });
             let blocks = queries.num_tokens().div_ceil(TASK_QUERIES);
             (0..self.num_heads * blocks).into_par_iter().with_max_len(1).for_each(|task| {
                 let (head, block) = (task / blocks, task % blocks);
-                let part = &packed[head * (layout.keys + layout.values)..][..layout.keys + layout.values];
+                let part = &packed[head * len..][..len];
                 self.attend(head, *queries, block * TASK_QUERIES, &layout, part, out);
             });
         }
@@ -117,7 +118,7 @@ impl Attention<'_> {
         let count = TASK_QUERIES.min(grid.num_tokens() - first);
         let width = layout.num_keys.next_multiple_of(PANEL);
         let (keys, values) = part.split_at(layout.keys);
-        with_scratch(TASK_QUERIES * (dim + width), |scratch| {
+        with_scratch(scratch_len(layout.num_keys, dim), |scratch| {
             let (queries, scores) = scratch.split_at_mut(TASK_QUERIES * dim);
             let factor = 1.0 / (dim as f32).sqrt();
             for (idx, query) in queries.chunks_exact_mut(dim).take(count).enumerate() {
@@ -209,6 +210,17 @@ impl Layout {
             values: num_keys * head_dim.next_multiple_of(PANEL),
         }
     }
+}
+
+/// Values of a head's packed keys and values.
+pub(crate) fn packed_len(num_keys: usize, head_dim: usize) -> usize {
+    let layout = Layout::new(num_keys, head_dim);
+    layout.keys + layout.values
+}
+
+/// Values of a task's scratch memory: its queries, and their scores against all keys.
+pub(crate) fn scratch_len(num_keys: usize, head_dim: usize) -> usize {
+    TASK_QUERIES * (head_dim + num_keys.next_multiple_of(PANEL))
 }
 
 #[cfg(test)]

@@ -23,12 +23,12 @@ pub(crate) struct Buffer {
 impl Buffer {
     /// `len` zeros.
     pub(crate) fn zeroed(len: usize) -> Self {
-        Self { lines: vec![Line([0.0; LINE]); len.div_ceil(LINE)], len }
+        Self { lines: vec![Line([0.0; LINE]); padded(len) / LINE], len }
     }
 
     /// Changes the length and keeps the memory where it is large enough; values are arbitrary afterwards.
     pub(crate) fn set_len(&mut self, len: usize) {
-        let lines = len.div_ceil(LINE);
+        let lines = padded(len) / LINE;
         if lines > self.lines.len() {
             // Nothing of the old content is wanted: a new allocation saves its copy.
             self.lines = Vec::new();
@@ -58,6 +58,25 @@ impl DerefMut for Buffer {
     }
 }
 
+/// Values that a buffer of `len` values has room for.
+pub(crate) fn padded(len: usize) -> usize {
+    len.next_multiple_of(LINE)
+}
+
+/// Which of the buffers at rest is lent for `len` values, by their capacities; `None`: a new one.
+pub(crate) fn choose(capacities: impl Iterator<Item = usize> + Clone, len: usize) -> Option<usize> {
+    let fitting = capacities.clone().enumerate().filter(|(_, capacity)| *capacity >= len);
+    match fitting.min_by_key(|(_, capacity)| *capacity) {
+        // A buffer far too large is left for the operation that needs it.
+        Some((idx, capacity)) => (capacity <= 4 * len + 4096).then_some(idx),
+        // None is large enough: the largest gives its memory back before a larger one is made.
+        None => {
+            let largest = capacities.enumerate().max_by_key(|(_, capacity)| *capacity);
+            largest.filter(|(_, capacity)| 2 * capacity >= len).map(|(idx, _)| idx)
+        }
+    }
+}
+
 /// Buffers at rest.
 #[derive(Default)]
 pub(crate) struct Pool {
@@ -68,20 +87,7 @@ impl Pool {
     /// A buffer of `len` arbitrary values, returned to the pool when dropped.
     pub(crate) fn take(&self, len: usize) -> Loan<'_> {
         let mut resting = self.resting.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = (0..resting.len())
-            .filter(|idx| resting[*idx].capacity() >= len)
-            .min_by_key(|idx| resting[*idx].capacity());
-        // A buffer far too large is left for the operation that needs it.
-        let chosen = fits.filter(|idx| resting[*idx].capacity() <= 4 * len + 4096);
-        let taken = match (chosen, fits.is_none()) {
-            (Some(idx), _) => Some(resting.swap_remove(idx)),
-            // None is large enough: the largest gives its memory back before a larger one is made.
-            (None, true) => {
-                let largest = (0..resting.len()).max_by_key(|idx| resting[*idx].capacity());
-                largest.filter(|idx| 2 * resting[*idx].capacity() >= len).map(|idx| resting.swap_remove(idx))
-            }
-            (None, false) => None,
-        };
+        let taken = choose(resting.iter().map(Buffer::capacity), len).map(|idx| resting.swap_remove(idx));
         drop(resting);
         let mut buffer = taken.unwrap_or_default();
         buffer.set_len(len);

@@ -12,6 +12,8 @@ const TASK_ROWS: usize = 192;
 /// Panels of a task.
 const TASK_PANELS: usize = 2;
 const TILE: usize = ROWS * PANEL;
+/// Values of scratch memory that a task takes at most.
+pub(crate) const SCRATCH_LEN: usize = TASK_ROWS.div_ceil(ROWS) * TILE;
 
 /// An image, channels last, of which a convolution reads 3×3 neighbourhoods; zeros around it.
 #[derive(Clone, Copy)]

@@ -10,6 +10,7 @@ mod dpt;
 mod engine;
 mod error;
 pub mod focal;
+mod footprint;
 mod gemm;
 mod head;
 mod kernel;
@@ -26,6 +27,7 @@ mod yardstick;
 
 pub use engine::{Encoding, Engine, Image};
 pub use error::{Error, Result, SourceError};
+pub use footprint::Footprint;
 pub use kernel::Simd;
 pub use output::HeadOutput;
 pub use probe::{Probe, Stage};

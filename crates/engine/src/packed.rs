@@ -93,6 +93,12 @@ impl Packed {
         &self.bias[panel * PANEL..(panel + 1) * PANEL]
     }
 
+    /// Bytes of a layer of these sizes.
+    pub(crate) fn bytes_of(inputs: usize, outputs: usize) -> usize {
+        // The bias is one row more.
+        4 * (inputs + 1) * outputs.next_multiple_of(PANEL)
+    }
+
     /// Bytes held.
     pub(crate) fn num_bytes(&self) -> usize {
         4 * (self.data.len() + self.bias.len())

@@ -11,6 +11,12 @@ use crate::vector::mix;
 /// Output rows of a task of the fused convolution.
 const TASK_ROWS: usize = 8;
 
+/// Values of scratch memory that a task of [`Pixels::enlarge_into_conv`] takes for an image `width` wide: rows of the
+/// enlarged image, and of the convolution's output.
+pub(crate) fn scratch_lens(width: usize, inputs: usize, outputs: usize) -> [usize; 2] {
+    [(TASK_ROWS + 2) * 2 * width * inputs, TASK_ROWS * 2 * width * outputs]
+}
+
 /// An image, channels last.
 #[derive(Clone, Copy)]
 pub(crate) struct Pixels<'a> {

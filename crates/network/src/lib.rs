@@ -7,11 +7,13 @@
 //! | know the dimensions of a network | [`config`], [`presets`] |
 //! | know each tensor's name, shape and first value | [`layout`] |
 //! | read a checkpoint, or write one | [`checkpoint`], [`safetensors`], [`random`] |
+//! | know what a forward pass costs | [`cost`] |
 //! | make a network's input of a picture | [`input`] |
 #![forbid(unsafe_code)]
 
 pub mod checkpoint;
 pub mod config;
+pub mod cost;
 mod element;
 mod error;
 pub mod input;
