@@ -1,0 +1,256 @@
+//! The network.
+
+use burn_tensor::{Device, Tensor};
+use selenograph_network::NetworkConfig;
+
+use crate::attention::Rope;
+use crate::error::{Error, Result, SourceError};
+use crate::output::{Output, head};
+use crate::parameters::{Gradients, NamedTensor, Parameter, Parameters};
+use crate::scope::{Precision, Probe, Scope};
+use crate::transformer::{decoder_block, encoder_block};
+use crate::views::{Encoding, Features, Grid, Images, Tokens, gather, select};
+
+/// The network with its parameters on a device.
+#[derive(Debug, Clone)]
+pub struct Model {
+    config: NetworkConfig,
+    parameters: Parameters,
+    precision: Precision,
+}
+
+impl Model {
+    /// Reads every parameter once, by its name in the checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::Network`], [`Error::Weights`], [`Error::TensorShape`], [`Error::TensorLength`].
+    pub fn new(
+        config: &NetworkConfig,
+        device: &Device,
+        source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
+    ) -> Result<Self> {
+        let parameters = Parameters::read(config, device, source)?;
+        Ok(Self { config: config.clone(), parameters, precision: Precision::F32 })
+    }
+
+    /// The same with products in another precision.
+    #[must_use]
+    pub fn with_precision(self, precision: Precision) -> Self {
+        Self { precision, ..self }
+    }
+
+    /// The same on another device.
+    #[must_use]
+    pub fn to_device(&self, device: &Device) -> Self {
+        let device = device.clone().without_autodiff();
+        self.changed(&|parameter| parameter.value().clone().without_autodiff().to_device(&device))
+    }
+
+    /// The same with the parameters that `learns` names on the tape: what is computed with them can be derived by them.
+    /// The values are shared, not copied. Parameters that no forward pass reads are left off.
+    #[must_use]
+    pub fn tracked(&self, learns: &dyn Fn(&Parameter) -> bool) -> Self {
+        self.changed(&|parameter| {
+            let value = parameter.value().clone().without_autodiff();
+            if parameter.is_computed() && learns(parameter) { value.autodiff().require_grad() } else { value }
+        })
+    }
+
+    /// The gradients of a loss (one value) by the parameters on the tape, which it uses up.
+    pub fn gradients(&self, loss: &Tensor<1>) -> Gradients {
+        Gradients::collect(&self.parameters, &mut loss.backward())
+    }
+
+    fn changed(&self, change: &dyn Fn(&Parameter) -> Tensor<1>) -> Self {
+        Self {
+            config: self.config.clone(),
+            parameters: self.parameters.map(change),
+            precision: self.precision,
+        }
+    }
+
+    /// The network's dimensions.
+    pub fn config(&self) -> &NetworkConfig {
+        &self.config
+    }
+
+    /// In which numbers products are computed.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Every parameter, in the order of the checkpoint's layout.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// To replace their values.
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.parameters
+    }
+
+    /// Where the parameters are.
+    pub fn device(&self) -> Device {
+        self.parameters.at(0).value().device().without_autodiff()
+    }
+
+    /// The encoder without its last normalisation: what can be cached while that learns.
+    ///
+    /// # Errors
+    /// [`Error::Views`] for images that are no whole number of patches.
+    pub fn encode_blocks(&self, images: &Images) -> Result<Features> {
+        self.encode_blocks_probed(images, None)
+    }
+
+    /// The last normalisation of the encoder.
+    pub fn normalize(&self, features: &Features) -> Encoding {
+        Tokens::new(self.root(None).norm("enc_norm", features.values.clone()), features.grid.clone())
+    }
+
+    /// Encodes images of one size.
+    ///
+    /// # Errors
+    /// As [`Model::encode_blocks`].
+    pub fn encode(&self, images: &Images) -> Result<Encoding> {
+        self.encode_probed(images, None)
+    }
+
+    /// As [`Model::encode`], with a look at every layer.
+    ///
+    /// # Errors
+    /// As [`Model::encode`].
+    pub fn encode_probed(&self, images: &Images, probe: Option<&Probe<'_>>) -> Result<Encoding> {
+        let encoding = self.normalize(&self.encode_blocks_probed(images, probe)?);
+        self.root(probe).see(|| "enc_norm".into(), &encoding.values);
+        Ok(encoding)
+    }
+
+    /// Decodes a batch of pairs: the first views' output and the second views', each pair in its first camera's frame.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if there are not as many first views as second ones, or for encodings of another network.
+    pub fn decode(&self, a: &Encoding, b: &Encoding) -> Result<[Output; 2]> {
+        self.decode_probed(a, b, None)
+    }
+
+    /// As [`Model::decode`], with a look at every layer.
+    ///
+    /// # Errors
+    /// As [`Model::decode`].
+    pub fn decode_probed(
+        &self,
+        a: &Encoding,
+        b: &Encoding,
+        probe: Option<&Probe<'_>>,
+    ) -> Result<[Output; 2]> {
+        for each in [a, b] {
+            let expected = self.config.encoder.dim;
+            if each.values.dims()[2] != expected {
+                return Err(Error::views("channels of an encoding", expected, each.values.dims()[2]));
+            }
+        }
+        if a.grid.count() != b.grid.count() {
+            return Err(Error::views("number of second views", a.grid.count(), b.grid.count()));
+        }
+        let at = self.root(probe);
+        let ropes = self.decoder_ropes([a, b]);
+        let hooks = self.config.hooks();
+        let mut levels = [a, b].map(|each| each.values.clone());
+        let mut hooked = [a, b].map(|each| vec![each.values.clone()]);
+        levels = levels.map(|level| at.linear("decoder_embed", level));
+        for side in 0..2 {
+            at.see(|| format!("decoder_embed.{}", side + 1), &levels[side]);
+        }
+        for block in 0..self.config.decoder.num_blocks {
+            levels = self.decoder_level(&at, block, levels, &ropes);
+            for side in 0..2 {
+                at.see(|| format!("dec{}_block{block}", side + 1), &levels[side]);
+                let taps = hooks[1..3].iter().filter(|hook| **hook == block + 1).count();
+                hooked[side].extend(std::iter::repeat_n(levels[side].clone(), taps));
+            }
+        }
+        let grids = [&a.grid, &b.grid];
+        Ok([0, 1].map(|side: usize| {
+            let last = at.norm("dec_norm", levels[side].clone());
+            at.see(|| format!("dec_norm.{}", side + 1), &last);
+            let tokens = [0, 1, 2, 3].map(|hook| hooked[side].get(hook).unwrap_or(&last).clone());
+            let label = format!("head{}", side + 1);
+            head(&at.under(format!("downstream_{label}")), &label, &self.config, &tokens, grids[side])
+        }))
+    }
+
+    /// A batch of pairs of any two sizes, each in its first camera's frame.
+    ///
+    /// # Errors
+    /// As [`Model::encode`] and [`Model::decode`].
+    pub fn infer(&self, a: &Images, b: &Images) -> Result<[Output; 2]> {
+        self.decode(&self.encode(a)?, &self.encode(b)?)
+    }
+
+    /// The pairs both ways, each image encoded once: `[a, b]` in the frame of `a`, then `[b, a]` in that of `b`.
+    ///
+    /// # Errors
+    /// As [`Model::infer`].
+    pub fn infer_symmetric(&self, a: &Images, b: &Images) -> Result<[[Output; 2]; 2]> {
+        let (a, b) = (self.encode(a)?, self.encode(b)?);
+        Ok([self.decode(&a, &b)?, self.decode(&b, &a)?])
+    }
+
+    pub(crate) fn root<'a>(&'a self, probe: Option<&'a Probe<'a>>) -> Scope<'a> {
+        Scope::root(&self.parameters, self.precision, probe)
+    }
+
+    pub(crate) fn decoder_ropes(&self, views: [&Encoding; 2]) -> [Rope; 2] {
+        let (head_dim, base) = (self.config.decoder.head_dim(), self.config.rope_base);
+        views.map(|each| Rope::new(&each.grid, head_dim, base, &self.device()))
+    }
+
+    /// A block of both decoders: each side reads the other's previous level.
+    pub(crate) fn decoder_level(
+        &self,
+        at: &Scope<'_>,
+        block: usize,
+        [a, b]: [Tensor<3>; 2],
+        [rope_a, rope_b]: &[Rope; 2],
+    ) -> [Tensor<3>; 2] {
+        let first = at.under(format!("dec_blocks.{block}"));
+        let second = at.under(format!("dec_blocks2.{block}"));
+        [
+            decoder_block(&first, a.clone(), b.clone(), [rope_a, rope_b]),
+            decoder_block(&second, b, a, [rope_b, rope_a]),
+        ]
+    }
+
+    fn encode_blocks_probed(&self, images: &Images, probe: Option<&Probe<'_>>) -> Result<Features> {
+        let at = self.root(probe);
+        let grid = images.grid(self.config.patch_px)?;
+        let rope = Rope::new(&grid, self.config.encoder.head_dim(), self.config.rope_base, &self.device());
+        let mut x = self.patches(&at, images, &grid);
+        at.see(|| "patch_embed".into(), &x);
+        for block in 0..self.config.encoder.num_blocks {
+            x = encoder_block(&at.under(format!("enc_blocks.{block}")), x, &rope);
+            at.see(|| format!("enc_block{block}"), &x);
+        }
+        Ok(Tokens::new(x, grid))
+    }
+
+    /// Tokens of images, in the order of the upright patches.
+    fn patches(&self, at: &Scope<'_>, images: &Images, grid: &Grid) -> Tensor<3> {
+        let patch = self.config.patch_px;
+        let groups = grid.groups();
+        let parts = groups.iter().map(|(transposed, places)| {
+            let mut pixels = select(images.pixels.clone(), places);
+            if *transposed {
+                pixels = pixels.swap_dims(2, 3);
+            }
+            let [count, colors, height, width] = pixels.dims();
+            let (rows, columns) = (height / patch, width / patch);
+            let patches = pixels
+                .reshape([count, colors, rows, patch, columns, patch])
+                .permute([0, 2, 4, 1, 3, 5])
+                .reshape([count, rows * columns, colors * patch * patch]);
+            at.linear("patch_embed.proj", patches)
+        });
+        gather(&groups, parts.collect())
+    }
+}

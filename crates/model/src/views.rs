@@ -1,0 +1,197 @@
+//! What goes in and what is passed between encoder and decoder: images and tokens, with where they lie.
+//!
+//! Images of one call have one size. Training stores every image landscape: one that was taken portrait is stored
+//! transposed (its axes swapped, not rotated), and the network sees it upright. Inference stores nothing transposed.
+
+use std::marker::PhantomData;
+
+use burn_tensor::{Device, Int, Tensor, TensorData};
+use selenograph_network::config::IMAGE_CHANNELS;
+
+use crate::error::{Error, Result};
+
+/// Images of one stored size, values from −1 to 1, channels first.
+#[derive(Debug, Clone)]
+pub struct Images {
+    pub(crate) pixels: Tensor<4>,
+    pub(crate) transposed: Vec<bool>,
+}
+
+impl Images {
+    /// Images as they were taken: `values` of `[count, 3, height, width]`.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if the values do not fill the images.
+    pub fn upright(values: Vec<f32>, [count, height, width]: [usize; 3], device: &Device) -> Result<Self> {
+        let expected = count * IMAGE_CHANNELS * height * width;
+        if values.len() != expected || expected == 0 {
+            return Err(Error::views("number of values", expected.max(1), values.len()));
+        }
+        let data = TensorData::new(values, [count, IMAGE_CHANNELS, height, width]);
+        let pixels = Tensor::from_data(data, &device.clone().without_autodiff());
+        Ok(Self { pixels, transposed: vec![false; count] })
+    }
+
+    /// Images stored landscape, each with the height and width that it was taken with: those that are higher than wide are
+    /// stored transposed.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if the values do not fill the images, or a true size is neither the stored one nor its transpose.
+    pub fn stored_landscape(
+        values: Vec<f32>,
+        [height, width]: [usize; 2],
+        true_sizes: &[[usize; 2]],
+        device: &Device,
+    ) -> Result<Self> {
+        if height > width {
+            return Err(Error::views("stored size", "a landscape image", format!("{width}×{height}")));
+        }
+        for &[own_height, own_width] in true_sizes {
+            if ![[height, width], [width, height]].contains(&[own_height, own_width]) {
+                let expected = format!("{width}×{height} or its transpose");
+                return Err(Error::views("true size", expected, format!("{own_width}×{own_height}")));
+            }
+        }
+        let mut images = Self::upright(values, [true_sizes.len(), height, width], device)?;
+        images.transposed = true_sizes.iter().map(|[height, width]| height > width).collect();
+        Ok(images)
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.transposed.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.transposed.is_empty()
+    }
+
+    /// Where their tokens lie.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if a side is no whole number of patches.
+    pub(crate) fn grid(&self, patch_px: usize) -> Result<Grid> {
+        let [_, _, height, width] = self.pixels.dims();
+        for (what, side) in [("height", height), ("width", width)] {
+            if !side.is_multiple_of(patch_px) {
+                return Err(Error::views(what, format!("a multiple of {patch_px} pixels"), side));
+            }
+        }
+        Ok(Grid { rows: height / patch_px, columns: width / patch_px, transposed: self.transposed.clone() })
+    }
+}
+
+/// Where the tokens of a batch of images lie: patches of the stored images, and which are stored transposed.
+///
+/// Tokens run along the rows of the upright image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grid {
+    /// Rows of patches of a stored image.
+    pub rows: usize,
+    /// Columns of patches of a stored image.
+    pub columns: usize,
+    /// For each image, whether it is stored transposed.
+    pub transposed: Vec<bool>,
+}
+
+impl Grid {
+    /// Images.
+    pub fn count(&self) -> usize {
+        self.transposed.len()
+    }
+
+    /// Tokens of an image.
+    pub fn num_tokens(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Rows and columns of an image's upright grid.
+    pub fn upright(&self, transposed: bool) -> [usize; 2] {
+        if transposed { [self.columns, self.rows] } else { [self.rows, self.columns] }
+    }
+
+    /// The images of each orientation, those stored as they were taken first; orientations without images are left out.
+    pub(crate) fn groups(&self) -> Vec<(bool, Vec<usize>)> {
+        let of = |orientation: bool| -> Vec<usize> {
+            (0..self.count()).filter(|idx| self.transposed[*idx] == orientation).collect()
+        };
+        [false, true].map(|each| (each, of(each))).into_iter().filter(|(_, each)| !each.is_empty()).collect()
+    }
+}
+
+/// Tokens before the encoder's last normalisation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Raw {}
+/// Tokens after it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Normed {}
+
+/// What the encoder's blocks know of images, before `enc_norm`: what can be cached while that still learns.
+pub type Features = Tokens<Raw>;
+/// What the encoder knows of images: what the decoders and heads read.
+pub type Encoding = Tokens<Normed>;
+
+/// Tokens of a batch of images.
+#[derive(Debug, Clone)]
+pub struct Tokens<Stage> {
+    /// `[images, tokens, channels]`.
+    pub values: Tensor<3>,
+    /// Where they lie.
+    pub grid: Grid,
+    stage: PhantomData<Stage>,
+}
+
+impl<Stage> Tokens<Stage> {
+    pub(crate) fn new(values: Tensor<3>, grid: Grid) -> Self {
+        Self { values, grid, stage: PhantomData }
+    }
+
+    /// From numbers in memory, `[images, tokens, channels]`: from a cache or from another executor.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if they do not fill the grid.
+    pub fn from_values(values: Vec<f32>, grid: Grid, channels: usize, device: &Device) -> Result<Self> {
+        let shape = [grid.count(), grid.num_tokens(), channels];
+        let expected: usize = shape.iter().product();
+        if values.len() != expected || expected == 0 {
+            return Err(Error::views("number of token values", expected, values.len()));
+        }
+        let device = device.clone().without_autodiff();
+        Ok(Self::new(Tensor::from_data(TensorData::new(values, shape), &device), grid))
+    }
+
+    /// Those of the images at these places, in this order; a place may come more than once.
+    ///
+    /// # Errors
+    /// [`Error::Views`] for a place that is not there.
+    pub fn select(&self, places: &[usize]) -> Result<Self> {
+        if let Some(outside) = places.iter().find(|place| **place >= self.grid.count()) {
+            return Err(Error::views("place in the batch", format!("below {}", self.grid.count()), outside));
+        }
+        let transposed = places.iter().map(|place| self.grid.transposed[*place]).collect();
+        let grid = Grid { transposed, ..self.grid };
+        Ok(Self::new(select(self.values.clone(), places), grid))
+    }
+}
+
+/// The entries of the first axis at these places.
+pub(crate) fn select<const D: usize>(values: Tensor<D>, places: &[usize]) -> Tensor<D> {
+    if places.iter().copied().eq(0..values.dims()[0]) {
+        return values;
+    }
+    let numbers: Vec<i64> = places.iter().map(|place| *place as i64).collect();
+    let device = values.device().without_autodiff();
+    let indices = Tensor::<1, Int>::from_data(TensorData::new(numbers, [places.len()]), &device);
+    values.select(0, indices)
+}
+
+/// Puts the results of groups of images (the batch first) back into the images' order.
+pub(crate) fn gather<const D: usize>(groups: &[(bool, Vec<usize>)], parts: Vec<Tensor<D>>) -> Tensor<D> {
+    let order: Vec<usize> = groups.iter().flat_map(|(_, places)| places.iter().copied()).collect();
+    let mut back = vec![0; order.len()];
+    for (position, place) in order.iter().enumerate() {
+        back[*place] = position;
+    }
+    select(Tensor::cat(parts, 0), &back)
+}
