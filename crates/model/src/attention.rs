@@ -22,27 +22,34 @@ pub(crate) struct Rope {
 
 impl Rope {
     pub(crate) fn new(grid: &Grid, head_dim: usize, base: f64, device: &Device) -> Self {
-        let device = device.clone().without_autodiff();
         // One table does for all images of one orientation.
         let orientations = match grid.groups().as_slice() {
             [(orientation, _)] => vec![*orientation],
             _ => grid.transposed.clone(),
         };
-        let quarter = head_dim / 4;
-        let mut angles = Vec::with_capacity(orientations.len() * grid.num_tokens() * head_dim);
-        for orientation in &orientations {
+        let places = orientations.iter().flat_map(|orientation| {
             let [rows, columns] = grid.upright(*orientation);
-            for token in 0..rows * columns {
-                for channel in 0..head_dim {
-                    let position = if channel < 2 * quarter { token / columns } else { token % columns };
-                    let k = channel % quarter;
-                    angles.push(position as f64 / base.powf(2.0 * k as f64 / (2 * quarter) as f64));
-                }
-            }
-        }
+            (0..rows * columns).map(move |token| [token / columns, token % columns])
+        });
+        let places: Vec<_> = places.collect();
+        Self::at(&places, orientations.len(), head_dim, base, device)
+    }
+
+    /// For tokens at `places`, rows and columns, of as many images as there are tables.
+    fn at(places: &[[usize; 2]], num_tables: usize, head_dim: usize, base: f64, device: &Device) -> Self {
+        let device = device.clone().without_autodiff();
+        let quarter = head_dim / 4;
+        let angle = |place: [usize; 2], channel: usize| {
+            let k = channel % quarter;
+            place[channel / (2 * quarter)] as f64 / base.powf(2.0 * k as f64 / (2 * quarter) as f64)
+        };
         let table = |function: fn(f64) -> f64| {
-            let values: Vec<f32> = angles.iter().map(|angle| function(*angle) as f32).collect();
-            let shape = [orientations.len(), 1, grid.num_tokens(), head_dim];
+            let channels = |place: &[usize; 2]| {
+                let place = *place;
+                (0..head_dim).map(move |channel| function(angle(place, channel)) as f32)
+            };
+            let values: Vec<f32> = places.iter().flat_map(channels).collect();
+            let shape = [num_tables, 1, places.len() / num_tables, head_dim];
             Tensor::from_data(TensorData::new(values, shape), &device)
         };
         let mut pairs = vec![0.0_f32; head_dim * head_dim];
@@ -131,21 +138,18 @@ mod tests {
         println!("RAN shared-data: golden rope");
         let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
         let device = Device::flex();
-        for (case, [rows, columns]) in [[4, 4], [3, 5], [6, 4], [2, 9]].into_iter().enumerate() {
+        for case in 0..4 {
             let view = |name: &str| file.tensor(&format!("case{case}.{name}")).unwrap();
             let floats = |name: &str| -> Vec<f32> {
                 view(name).data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
             };
             let shape: [usize; 4] = view("tokens").shape().try_into().unwrap();
-            let places: Vec<i32> =
-                view("pos").data().as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
-            for (token, place) in places.as_chunks::<2>().0.iter().take(rows * columns).enumerate() {
-                assert_eq!(place.map(|each| each as usize), [token / columns, token % columns]);
-            }
+            let numbers =
+                view("pos").data().as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b) as usize);
+            let numbers: Vec<usize> = numbers.collect();
+            let rope = Rope::at(numbers.as_chunks().0, shape[0], shape[3], 100.0, &device);
             let tokens = Tensor::from_data(TensorData::new(floats("tokens"), shape), &device);
-            let grid = Grid { rows, columns, transposed: vec![false; shape[0]] };
-            let found =
-                Rope::new(&grid, shape[3], 100.0, &device).turn(tokens).try_into_vec_as::<f32>().unwrap();
+            let found = rope.turn(tokens).try_into_vec_as::<f32>().unwrap();
             for (found, expected) in found.iter().zip(floats("out")) {
                 assert!((found - expected).abs() < ROUNDING, "case {case}");
             }

@@ -20,11 +20,11 @@ pub(crate) fn dpt(at: &Scope<'_>, label: &str, hooks: &[Tensor<3>; 4], grid: [us
     for (level, x) in levels.into_iter().enumerate().rev() {
         let name = format!("refinenet{}", level + 1);
         let mut next = refine(&scratch.under(&name), x, fused);
+        at.see(|| format!("{label}.{name}"), &next);
         if level == 3 {
             // Odd grids were rounded up on their way down.
             next = next.narrow(2, 0, grid[0]).narrow(3, 0, grid[1]);
         }
-        at.see(|| format!("{label}.{name}"), &next);
         fused = Some(next);
     }
     let Some(x) = fused else { return hooks[0].clone().unsqueeze() };

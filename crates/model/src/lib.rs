@@ -12,6 +12,7 @@ mod attention;
 pub mod device;
 mod dpt;
 mod error;
+mod learn;
 mod model;
 mod output;
 mod parameters;
@@ -21,6 +22,7 @@ mod views;
 
 pub use burn_tensor::{Device, Tensor};
 pub use error::{Error, Result, SourceError};
+pub use learn::{Inputs, Keep, Learned};
 pub use model::Model;
 pub use output::Output;
 pub use parameters::{Gradients, NamedTensor, Parameter, Parameters};

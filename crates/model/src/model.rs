@@ -153,30 +153,11 @@ impl Model {
             return Err(Error::views("number of second views", a.grid.count(), b.grid.count()));
         }
         let at = self.root(probe);
-        let ropes = self.decoder_ropes([a, b]);
-        let hooks = self.config.hooks();
-        let mut levels = [a, b].map(|each| each.values.clone());
-        let mut hooked = [a, b].map(|each| vec![each.values.clone()]);
-        levels = levels.map(|level| at.linear("decoder_embed", level));
-        for side in 0..2 {
-            at.see(|| format!("decoder_embed.{}", side + 1), &levels[side]);
-        }
-        for block in 0..self.config.decoder.num_blocks {
-            levels = self.decoder_level(&at, block, levels, &ropes);
-            for side in 0..2 {
-                at.see(|| format!("dec{}_block{block}", side + 1), &levels[side]);
-                let taps = hooks[1..3].iter().filter(|hook| **hook == block + 1).count();
-                hooked[side].extend(std::iter::repeat_n(levels[side].clone(), taps));
-            }
-        }
-        let grids = [&a.grid, &b.grid];
-        Ok([0, 1].map(|side: usize| {
-            let last = at.norm("dec_norm", levels[side].clone());
-            at.see(|| format!("dec_norm.{}", side + 1), &last);
-            let tokens = [0, 1, 2, 3].map(|hook| hooked[side].get(hook).unwrap_or(&last).clone());
-            let label = format!("head{}", side + 1);
-            head(&at.under(format!("downstream_{label}")), &label, &self.config, &tokens, grids[side])
-        }))
+        let ropes = self.decoder_ropes([&a.grid, &b.grid]);
+        let encoded = [a, b].map(|each| each.values.clone());
+        let levels = self.decoder_levels(&at, encoded.clone(), &ropes);
+        let hooked = self.decoder_hooks().map(|level| levels[level].clone());
+        Ok(self.heads(&at, encoded, hooked, [&a.grid, &b.grid]))
     }
 
     /// A batch of pairs of any two sizes, each in its first camera's frame.
@@ -200,9 +181,44 @@ impl Model {
         Scope::root(&self.parameters, self.precision, probe)
     }
 
-    pub(crate) fn decoder_ropes(&self, views: [&Encoding; 2]) -> [Rope; 2] {
+    /// Which of the decoders' levels the heads read beside the encoder's output; level 0 is what `decoder_embed` gives.
+    pub(crate) fn decoder_hooks(&self) -> [usize; 3] {
+        let [_, hooks @ ..] = self.config.hooks();
+        hooks
+    }
+
+    pub(crate) fn encoder_rope(&self, grid: &Grid) -> Rope {
+        Rope::new(grid, self.config.encoder.head_dim(), self.config.rope_base, &self.device())
+    }
+
+    pub(crate) fn decoder_ropes(&self, grids: [&Grid; 2]) -> [Rope; 2] {
         let (head_dim, base) = (self.config.decoder.head_dim(), self.config.rope_base);
-        views.map(|each| Rope::new(&each.grid, head_dim, base, &self.device()))
+        grids.map(|grid| Rope::new(grid, head_dim, base, &self.device()))
+    }
+
+    pub(crate) fn encoder_level(&self, at: &Scope<'_>, block: usize, x: Tensor<3>, rope: &Rope) -> Tensor<3> {
+        encoder_block(&at.under(format!("enc_blocks.{block}")), x, rope)
+    }
+
+    /// What `decoder_embed` gives, then what each block of the decoders gives.
+    pub(crate) fn decoder_levels(
+        &self,
+        at: &Scope<'_>,
+        encoded: [Tensor<3>; 2],
+        ropes: &[Rope; 2],
+    ) -> Vec<[Tensor<3>; 2]> {
+        let mut levels = vec![encoded.map(|each| at.linear("decoder_embed", each))];
+        for side in 0..2 {
+            at.see(|| format!("decoder_embed.{}", side + 1), &levels[0][side]);
+        }
+        for block in 0..self.config.decoder.num_blocks {
+            let next = self.decoder_level(&at, block, levels[block].clone(), ropes);
+            for (side, level) in next.iter().enumerate() {
+                at.see(|| format!("dec{}_block{block}", side + 1), level);
+            }
+            levels.push(next);
+        }
+        levels
     }
 
     /// A block of both decoders: each side reads the other's previous level.
@@ -221,21 +237,38 @@ impl Model {
         ]
     }
 
+    /// Both heads, from the encoder's output and the decoders' levels at the three hooks.
+    pub(crate) fn heads(
+        &self,
+        at: &Scope<'_>,
+        encoded: [Tensor<3>; 2],
+        [first, second, last]: [[Tensor<3>; 2]; 3],
+        grids: [&Grid; 2],
+    ) -> [Output; 2] {
+        [0, 1].map(|side: usize| {
+            let last = at.norm("dec_norm", last[side].clone());
+            at.see(|| format!("dec_norm.{}", side + 1), &last);
+            let tokens = [encoded[side].clone(), first[side].clone(), second[side].clone(), last];
+            let label = format!("head{}", side + 1);
+            head(&at.under(format!("downstream_{label}")), &label, &self.config, &tokens, grids[side])
+        })
+    }
+
     fn encode_blocks_probed(&self, images: &Images, probe: Option<&Probe<'_>>) -> Result<Features> {
         let at = self.root(probe);
         let grid = images.grid(self.config.patch_px)?;
-        let rope = Rope::new(&grid, self.config.encoder.head_dim(), self.config.rope_base, &self.device());
+        let rope = self.encoder_rope(&grid);
         let mut x = self.patches(&at, images, &grid);
         at.see(|| "patch_embed".into(), &x);
         for block in 0..self.config.encoder.num_blocks {
-            x = encoder_block(&at.under(format!("enc_blocks.{block}")), x, &rope);
+            x = self.encoder_level(&at, block, x, &rope);
             at.see(|| format!("enc_block{block}"), &x);
         }
         Ok(Tokens::new(x, grid))
     }
 
     /// Tokens of images, in the order of the upright patches.
-    fn patches(&self, at: &Scope<'_>, images: &Images, grid: &Grid) -> Tensor<3> {
+    pub(crate) fn patches(&self, at: &Scope<'_>, images: &Images, grid: &Grid) -> Tensor<3> {
         let patch = self.config.patch_px;
         let groups = grid.groups();
         let parts = groups.iter().map(|(transposed, places)| {

@@ -7,7 +7,8 @@ use goldens::{Collected, Golden, network, root};
 use selenograph_model::{Device, Images, Output, device};
 
 fn test_device() -> Device {
-    device::parse(&std::env::var("SELENOGRAPH_TEST_DEVICE").unwrap_or_else(|_| "cpu".into())).unwrap()
+    let name = std::env::var_os("SELENOGRAPH_TEST_DEVICE").unwrap_or_else(|| "cpu".into());
+    device::parse(name.to_str().unwrap()).unwrap()
 }
 
 fn images(golden: &Golden, name: &str, device: &Device) -> Images {
