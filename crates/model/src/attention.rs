@@ -54,7 +54,7 @@ impl Rope {
         };
         let mut pairs = vec![0.0_f32; head_dim * head_dim];
         for channel in 0..head_dim {
-            let first = channel / quarter % 2 == 0;
+            let first = (channel / quarter).is_multiple_of(2);
             let partner = if first { channel + quarter } else { channel - quarter };
             pairs[partner * head_dim + channel] = if first { -1.0 } else { 1.0 };
         }

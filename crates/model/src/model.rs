@@ -207,15 +207,16 @@ impl Model {
         encoded: [Tensor<3>; 2],
         ropes: &[Rope; 2],
     ) -> Vec<[Tensor<3>; 2]> {
-        let mut levels = vec![encoded.map(|each| at.linear("decoder_embed", each))];
-        for side in 0..2 {
-            at.see(|| format!("decoder_embed.{}", side + 1), &levels[0][side]);
-        }
-        for block in 0..self.config.decoder.num_blocks {
-            let next = self.decoder_level(&at, block, levels[block].clone(), ropes);
-            for (side, level) in next.iter().enumerate() {
-                at.see(|| format!("dec{}_block{block}", side + 1), level);
+        let see = |levels: &[Tensor<3>; 2], name: &dyn Fn(usize) -> String| {
+            for (side, level) in levels.iter().enumerate() {
+                at.see(|| name(side + 1), level);
             }
+        };
+        let mut levels = vec![encoded.map(|each| at.linear("decoder_embed", each))];
+        see(&levels[0], &|side| format!("decoder_embed.{side}"));
+        for block in 0..self.config.decoder.num_blocks {
+            let next = self.decoder_level(at, block, levels[block].clone(), ropes);
+            see(&next, &|side| format!("dec{side}_block{block}"));
             levels.push(next);
         }
         levels

@@ -1,5 +1,9 @@
 //! The reference's tensors, on the device that `SELENOGRAPH_TEST_DEVICE` names (default `cpu`).
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking and says what it ran on"
+)]
 
 mod goldens;
 
