@@ -87,7 +87,7 @@ fn main() {
     measure("the same on the tape", &device, &mut || drop(tracked.decode(&a, &b).unwrap()));
     let frozen = |each: &Parameter| ![Part::PatchEmbed, Part::Encoder].contains(&each.spec().part);
     let features = model.encode_blocks(&images).unwrap();
-    let mut step = |name: &str, learns: &dyn Fn(&Parameter) -> bool, inputs: Inputs<'_>, keep| {
+    let step = |name: &str, learns: &dyn Fn(&Parameter) -> bool, inputs: Inputs<'_>, keep| {
         let mut run = || drop(model.learn::<Error>(learns, inputs, &[[0, 1]], keep, &mut loss).unwrap());
         measure(name, &device, &mut run);
     };
