@@ -24,6 +24,9 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         if let Some(error) = cause.downcast_ref::<selenograph_reconstruct::Error>() {
             return reconstruct(error);
         }
+        if let Some(error) = cause.downcast_ref::<selenograph_predict::Error>() {
+            return predict(error);
+        }
         if let Some(error) = cause.downcast_ref::<selenograph_network::Error>() {
             return network(error);
         }
@@ -135,12 +138,22 @@ fn network(error: &selenograph_network::Error) -> Option<String> {
     }
 }
 
+fn predict(error: &selenograph_predict::Error) -> Option<String> {
+    use selenograph_predict::Error;
+    match error {
+        Error::Network(error) => network(error),
+        _ => error.hint().map(str::to_owned),
+    }
+}
+
 fn evaluate(error: &selenograph_evaluate::Error) -> Option<String> {
     use selenograph_evaluate::Error;
     match error {
         Error::Dataset(error) => dataset(error),
         Error::Raster(error) => raster(error),
         Error::Geometry(error) => geometry(error),
+        Error::Predict(error) => predict(error),
+        Error::Reconstruct(error) => reconstruct(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint(),
     }

@@ -60,6 +60,15 @@ pub enum Error {
         /// What is there.
         found: String,
     },
+    /// A method that needs a network, and none.
+    #[error("the method `mast3r` needs a network")]
+    NoNetwork,
+    /// A network that cannot look at a picture.
+    #[error(transparent)]
+    Predict(#[from] selenograph_predict::Error),
+    /// Arrays of a network that do not fit.
+    #[error(transparent)]
+    Reconstruct(#[from] selenograph_reconstruct::Error),
     /// A dataset that cannot be read.
     #[error(transparent)]
     Dataset(#[from] selenograph_dataset::Error),
@@ -95,6 +104,7 @@ impl Error {
             }
             Self::UnknownMethod { nearest: Some(nearest), .. } => format!("did you mean `{nearest}`?"),
             Self::UnknownMethod { .. } => "`selenograph evaluate --help` tells what each method does".into(),
+            Self::NoNetwork => "pass --weights FILE".into(),
             Self::OtherEvaluation { .. } => {
                 "pass another --out, or --force to start this evaluation anew".into()
             }

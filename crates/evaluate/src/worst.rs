@@ -81,7 +81,7 @@ mod tests {
             line("sift", "a", 1, None, 0.3),
             line("sift", "b", 0, Some(0.1), 0.2),
         ];
-        let method = MethodLines { method: Method::Sift, lines };
+        let method = MethodLines { method: Method::Sift, settings: String::new(), lines };
         let found: Vec<(&str, u64)> =
             worst(&method).iter().map(|w| (w.line.item.pair.as_str(), w.line.item.light_a)).collect();
         assert_eq!(found, [("a", 1), ("b", 0)]);

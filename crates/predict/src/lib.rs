@@ -1,2 +1,29 @@
-//! A checkpoint and two views into a `Prediction`: input rules, executor, matching, pose.
+//! A checkpoint and two views into points and matches, from which `reconstruct::learned` makes a pose.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use selenograph_predict::{HeadCounts, PredictOptions, Predictor};
+//! use selenograph_reconstruct::pipeline::FocalKnowledge;
+//! # let views: [selenograph_reconstruct::View; 2] = todo!();
+//! let predictor = Predictor::open("weights.safetensors".as_ref(), HeadCounts::default(), &PredictOptions::default())?;
+//! let said = predictor.predict(&views, FocalKnowledge::Known, &mut |_| {})?;
+//! println!("{} matches", said.input.learned.matches.len());
+//! # Ok(())
+//! # }
+//! ```
 #![forbid(unsafe_code)]
+
+mod error;
+mod executor;
+mod grid;
+mod matches;
+mod options;
+mod picture;
+mod predictor;
+
+pub use error::Error;
+pub use executor::Executor;
+pub use options::{Density, Passes, PredictOptions};
+pub use predictor::{About, EncodedView, Predicted, Predictor, Progress, Step};
+pub use selenograph_network::checkpoint::HeadCounts;
+pub use selenograph_network::input::{Border, Rule, SquareCrop};

@@ -12,6 +12,8 @@ pub mod features;
 pub mod frames;
 pub mod grid;
 pub mod hazard;
+mod judge;
+pub mod learned;
 pub mod matching;
 pub mod pipeline;
 pub mod prediction;

@@ -106,6 +106,13 @@ pub struct PairMatch {
     pub inlier: bool,
 }
 
+impl PairMatch {
+    /// A match that no pose has judged.
+    pub fn unjudged(a: Point2<f64>, b: Point2<f64>) -> Self {
+        Self { a, b, residual_px: f64::NAN, sigma_px: None, inlier: false }
+    }
+}
+
 /// How many there were after each step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Counts {
@@ -162,7 +169,7 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
     };
     let cameras = [&a.camera, &b.camera];
     let robust = |threshold_px: f64| RelativeOptions {
-        threshold: threshold_px / focal_px(cameras),
+        threshold: threshold_px / mean_focal_px(cameras),
         seed: options.seed,
         ..RelativeOptions::default()
     };
@@ -243,7 +250,7 @@ pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotS
     durations.matching = clock.lap();
     let cameras = [&a.camera, &b.camera];
     let robust = RelativeOptions {
-        threshold: options.threshold_px / focal_px(cameras),
+        threshold: options.threshold_px / mean_focal_px(cameras),
         seed: options.seed,
         confidence: options.confidence,
         refinement: options.refinement,
@@ -278,7 +285,7 @@ impl Clock {
 }
 
 /// The geometric mean of the focal lengths of both cameras, pixels: what carries a distance in pixels to the plane `z = 1`.
-fn focal_px(cameras: [&Camera; 2]) -> f64 {
+pub(crate) fn mean_focal_px(cameras: [&Camera; 2]) -> f64 {
     cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25)
 }
 
@@ -312,7 +319,7 @@ impl Estimated {
             rotation: pose.cam_b_from_cam_a.rotation(),
             translation: pose.cam_b_from_cam_a.origin().coords,
         };
-        let (essential, focal_px) = (motion.essential(), focal_px(cameras));
+        let (essential, focal_px) = (motion.essential(), mean_focal_px(cameras));
         let matches = (0..found.len())
             .map(|i| {
                 let [a, b] = [&matches[i].a, &matches[i].b].map(|p| nalgebra::Vector3::new(p.x, p.y, 1.0));

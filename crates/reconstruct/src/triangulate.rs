@@ -1,6 +1,11 @@
-//! One point from two rays with a known motion between the cameras.
+//! Points from pairs of rays with a known motion between the cameras.
 
-use selenograph_geometry::{Frame, Rigid3, Vector3};
+use crate::relative_pose::PairMatch;
+use crate::{Fill, PredictedView};
+use selenograph_geometry::{CamA, CamB, Camera, Frame, Point2, Rigid3, Vector3, pixel};
+use selenograph_pose::decompose::Motion;
+use selenograph_pose::triangulate::optimal;
+use selenograph_raster::Raster;
 
 /// A point on a ray, with what the other camera says of it. Image lengths are on the plane `z = 1` of the other camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,10 +67,63 @@ pub fn along_ray<To: Frame, From: Frame>(
     (rho.is_finite() && rho > 0.0 && z > 0.0).then_some(found)
 }
 
+/// Matches that agree with a pose, triangulated; each stands at the pixel that holds it, in both views. In the pose's unit.
+///
+/// The sigma of a point is that of its match (`sigma_px`, the residual where there is none) along its ray.
+pub fn matched(
+    cameras: [&Camera; 2],
+    cam_b_from_cam_a: &Rigid3<CamB, CamA>,
+    matches: &[PairMatch],
+) -> [PredictedView; 2] {
+    let motion =
+        Motion { rotation: cam_b_from_cam_a.rotation(), translation: cam_b_from_cam_a.origin().coords };
+    let mut views = cameras.map(empty);
+    for m in matches.iter().filter(|m| m.inlier) {
+        let (Some(ray_a), Some(ray_b)) = (cameras[0].ray_z1(&m.a), cameras[1].ray_z1(&m.b)) else { continue };
+        let Some(found) = optimal(&motion, &ray_a, &ray_b) else { continue };
+        let x_in_a = found.x_in_a.coords;
+        let in_front = x_in_a.z > 0.0 && (motion.rotation * x_in_a + motion.translation).z > 0.0;
+        if !in_front {
+            continue;
+        }
+        // Along the ray an error across it grows by one over the parallax.
+        let error_rad = m.sigma_px.unwrap_or(m.residual_px.abs()) / (cameras[0].fx * cameras[0].fy).sqrt();
+        let sigma = x_in_a.norm() * error_rad / found.parallax_rad.sin();
+        put(&mut views[0], &m.a, &x_in_a, sigma);
+        put(&mut views[1], &m.b, &x_in_a, sigma);
+    }
+    views
+}
+
+fn empty(camera: &Camera) -> PredictedView {
+    let (width, height) = (camera.width, camera.height);
+    PredictedView {
+        points: Raster::filled(width, height, [f32::NAN; 3]),
+        confidence: Raster::filled(width, height, 0.0),
+        sigma: Some(Raster::filled(width, height, f32::NAN)),
+        fill: Raster::filled(width, height, Fill::Absent),
+    }
+}
+
+fn put(view: &mut PredictedView, at: &Point2<f64>, point: &Vector3<f64>, sigma: f64) {
+    let inside = |coordinate: f64, size: usize| {
+        usize::try_from(pixel::index_of(coordinate)).ok().filter(|index| *index < size)
+    };
+    let (Some(x), Some(y)) = (inside(at.x, view.points.width), inside(at.y, view.points.height)) else {
+        return;
+    };
+    view.points[(x, y)] = [point.x as f32, point.y as f32, point.z as f32];
+    view.confidence[(x, y)] = 1.0;
+    view.fill[(x, y)] = Fill::Measured;
+    if let Some(sigmas) = &mut view.sigma {
+        sigmas[(x, y)] = sigma as f32;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use selenograph_geometry::{CamA, CamB, Point3, Rotation3};
+    use selenograph_geometry::{Point3, Rotation3};
 
     fn motion() -> Rigid3<CamB, CamA> {
         Rigid3::new(Rotation3::from_euler_angles(0.05, -0.1, 2.0), Point3::new(0.3, -0.4, 0.2))

@@ -2,6 +2,7 @@
 
 use super::Target;
 use super::data::KConvention;
+use super::network::NetworkChoice;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -11,7 +12,7 @@ pub struct Evaluate {
     /// Dataset folder, ours or triplets, or a folder of such folders
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
-    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, truth, plane
+    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, mast3r, truth, plane
     #[arg(long = "method", short, value_name = "METHOD", required = true, value_delimiter = ',')]
     pub methods: Vec<String>,
     /// View A under one light and view B under another: only such items, or beside those of one light
@@ -32,6 +33,9 @@ pub struct Evaluate {
     /// The paper's figures of every pair: methods side by side, clouds, profiles
     #[arg(long)]
     pub figures: bool,
+    /// Its network.
+    #[command(flatten)]
+    pub network: NetworkChoice,
     /// Where to write; the same evaluation there is gone on with, --force begins it anew.
     #[command(flatten)]
     pub target: Target,

@@ -6,6 +6,7 @@ pub mod data;
 pub mod dem;
 pub mod evaluate;
 pub mod frames;
+pub mod network;
 pub mod reconstruct;
 pub mod render;
 pub mod weights;

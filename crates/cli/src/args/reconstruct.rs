@@ -1,6 +1,7 @@
 //! `selenograph reconstruct`.
 
 use super::Target;
+use super::network::NetworkChoice;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -28,6 +29,12 @@ pub struct Reconstruct {
     /// Fill what was not measured smoothly from its surroundings; such points are marked
     #[arg(long)]
     pub complete: bool,
+    /// Its network.
+    #[command(flatten)]
+    pub network: NetworkChoice,
+    /// What is made of what the network says.
+    #[command(flatten)]
+    pub learned: LearnedChoice,
     /// What the products look like.
     #[command(flatten)]
     pub products: ProductChoice,
@@ -139,6 +146,45 @@ pub enum Method {
     Sift,
     /// The pose from features, then a point per pixel.
     Stereo,
+    /// A network of the MASt3R family: matches and a point per pixel; needs --weights.
+    Mast3r,
+}
+
+/// What is made of what the network says.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Network (method mast3r)")]
+pub struct LearnedChoice {
+    /// Which points are given
+    #[arg(long, value_enum, default_value_t = PointsFrom::Network)]
+    pub points_from: PointsFrom,
+    /// Where the pose comes from, unless it is given
+    #[arg(long, value_enum, default_value_t = PoseFrom::Matches, conflicts_with_all = ["cam_b_from_cam_a", "world_from_cam_b"])]
+    pub pose_from: PoseFrom,
+    /// Decode the pair both ways and take the matches of both
+    #[arg(long)]
+    pub symmetric: bool,
+}
+
+/// Which points are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum PointsFrom {
+    /// The network's own
+    #[default]
+    Network,
+    /// Where the rays of dense matches meet, with their sigma
+    Triangulated,
+}
+
+/// Where the pose comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum PoseFrom {
+    /// From the matches; from the points where they do not tell and the points are sure
+    #[default]
+    Matches,
+    /// From the points
+    Points,
+    /// There is none: the points stand alone, unchecked
+    Nothing,
 }
 
 /// Sources of the size.

@@ -9,7 +9,8 @@ use crate::args::campaign::Demo;
 use crate::args::data::Sheet;
 use crate::args::dem::{Import, Reading, Synth};
 use crate::args::evaluate::Evaluate;
-use crate::args::reconstruct::{Cameras, Known, Method, ProductChoice, Reconstruct};
+use crate::args::network::NetworkChoice;
+use crate::args::reconstruct::{Cameras, Known, LearnedChoice, Method, ProductChoice, Reconstruct};
 use crate::exit::Outcome;
 use crate::target::Draft;
 use crate::ui::Ui;
@@ -78,6 +79,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         limit: None,
         k_convention: None,
         figures: false,
+        network: NetworkChoice::default(),
         target: target(at("evaluation")),
     };
     ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
@@ -131,6 +133,8 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         },
         method: Method::Stereo,
         complete: false,
+        network: NetworkChoice::default(),
+        learned: LearnedChoice::default(),
         products: ProductChoice::default(),
         seed,
         target: Target { out: folder.join("reconstruction"), force: false },

@@ -2,6 +2,8 @@
 
 use super::clock::now_utc;
 use super::data_check::convention;
+use super::network;
+use super::run_record::checksums;
 use crate::args::evaluate::{CrossLight, Evaluate};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
@@ -10,6 +12,7 @@ use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::figures::ItemFigures;
 use selenograph_evaluate::method::Method;
+use selenograph_evaluate::method::learned::Network;
 use selenograph_evaluate::pair_metrics::Promise;
 use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
 use selenograph_evaluate::summary::page::{self, Contents};
@@ -60,15 +63,26 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Scores> {
     if let Some(told) = &source.pixels.told {
         ui.note(&format!("note: {told}"));
     }
-    let settings = Settings { lights: choice.lights, methods: methods.clone(), ..Settings::default() };
-    let (outcome, lines) = evaluate(&source, &settings, args, ui)?;
-    let methods: Vec<MethodLines> =
-        methods.into_iter().zip(lines).map(|(method, lines)| MethodLines { method, lines }).collect();
+    let network = load_network(&methods, args, ui)?;
+    let settings = Settings {
+        lights: choice.lights,
+        methods: methods.clone(),
+        network: network.as_ref().map(|network| network.record().clone()),
+        ..Settings::default()
+    };
+    let (outcome, lines) = evaluate(&source, &settings, network.as_ref(), args, ui)?;
+    let methods: Vec<MethodLines> = methods
+        .into_iter()
+        .zip(lines)
+        .map(|(method, lines)| MethodLines { method, settings: settings.line_of(method), lines })
+        .collect();
     let results = ui.timed("tables", || Results::new(&methods));
     results.write(&args.target.out.join("tables"))?;
     let summary = summary_json(&source, &outcome, &methods);
     write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
-    ui.timed("figures and report", || write_report(&source, &outcome, &methods, &results, args, ui))?;
+    ui.timed("figures and report", || {
+        write_report(&source, &outcome, &methods, &results, network.as_ref(), args, ui)
+    })?;
     let outcome = if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) };
     Ok(Scores { results, summary, outcome })
 }
@@ -79,6 +93,7 @@ fn write_report(
     outcome: &run::Outcome,
     methods: &[MethodLines],
     results: &Results,
+    network: Option<&Network>,
     args: &Evaluate,
     ui: &Ui,
 ) -> anyhow::Result<()> {
@@ -99,7 +114,7 @@ fn write_report(
     let draw = |items: &[Item], folder: &str| -> anyhow::Result<Vec<ItemFigures>> {
         let mut shown = Vec::new();
         for (k, item) in items.iter().enumerate() {
-            let drawn = ItemFigures::draw(source, &item.methods, &item.pair, item.lights)?;
+            let drawn = ItemFigures::draw(source, &item.methods, network, &item.pair, item.lights)?;
             bar.inc(1);
             let Some(drawn) = drawn else { continue };
             drawn.write(&out.join(folder).join(item.pair.replace('/', "_")))?;
@@ -157,6 +172,19 @@ fn methods(names: &[String]) -> anyhow::Result<Vec<Method>> {
     Ok(methods)
 }
 
+/// The network, where a method needs one.
+fn load_network(methods: &[Method], args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Network>> {
+    if !methods.iter().any(|method| method.needs_network()) {
+        return network::unused(&args.network).map(|()| None);
+    }
+    let weights = network::weights(&args.network)?.to_owned();
+    let options = network::options(&args.network)?;
+    let predictor = network::open(&args.network, &options, ui)?;
+    let sums = ui.timed("checksum of the weights", || checksums(&[weights]))?;
+    let blake3 = sums.into_values().next().unwrap_or_default();
+    Ok(Some(Network::new(predictor, blake3)))
+}
+
 /// What to take of the dataset.
 fn choice(args: &Evaluate) -> anyhow::Result<Choice> {
     let trajectories = args.trajectory.iter().map(|name| {
@@ -182,6 +210,7 @@ fn choice(args: &Evaluate) -> anyhow::Result<Choice> {
 fn evaluate(
     source: &Source,
     settings: &Settings,
+    network: Option<&Network>,
     args: &Evaluate,
     ui: &Ui,
 ) -> anyhow::Result<(run::Outcome, Vec<Vec<run::Line>>)> {
@@ -201,6 +230,7 @@ fn evaluate(
         started: Some(now_utc()),
         progress: &tell,
         clock: &|| start.elapsed().as_secs_f64(),
+        network,
     };
     let (outcome, lines) = ui.timed("evaluate", || run::evaluate(source, settings, &options))?;
     bar.finish_and_clear();

@@ -17,6 +17,7 @@ mod demo;
 mod evaluate;
 mod frames;
 mod generate;
+mod network;
 mod plan;
 mod planning;
 mod presets;

@@ -7,7 +7,8 @@ mod maps;
 use crate::Error;
 use crate::aligned::AlignedPair;
 use crate::dataset_source::{LoadedPair, Source};
-use crate::method::Method;
+use crate::method::learned::{Network, Session};
+use crate::method::{Item, Method};
 use crate::pair_metrics::{self, Reference, Region};
 use maps::Maps;
 use selenograph_raster::codec::png;
@@ -44,10 +45,11 @@ impl ItemFigures {
     /// Runs the methods on an item once more and draws what they say; pose-only methods have nothing to draw.
     ///
     /// # Errors
-    /// Those of reading the pair, and of encoding pictures.
+    /// Those of reading the pair, of a method, and of encoding pictures.
     pub fn draw(
         source: &Source,
         methods: &[Method],
+        network: Option<&Network>,
         pair_name: &str,
         lights: [u64; 2],
     ) -> Result<Option<Self>, Error> {
@@ -58,9 +60,11 @@ impl ItemFigures {
         let Some(views) = pair.views(lights) else { return Ok(None) };
         let settings = pair_metrics::Settings::default();
         let reference = Reference::new(&pair.geometry.truth(), &settings)?;
+        let session = network.map(Session::new);
         let mut drawn = vec![Drawn::of_truth(&reference)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {
-            let answer = method.answer(&views, reference.truth());
+            let item = Item { views: &views, lights, truth: reference.truth(), network: session.as_ref() };
+            let answer = method.answer(&item)?;
             if let Some(Ok(aligned)) = reference.align(&answer.prediction, Region::Overlap)? {
                 drawn.push(Drawn::of_answer(method.as_str(), &aligned, &reference));
             }

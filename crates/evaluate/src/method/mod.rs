@@ -1,5 +1,6 @@
 //! The methods that can be evaluated: the one place where a further one is added.
 
+pub mod learned;
 mod pictures;
 mod plane;
 mod truth;
@@ -22,6 +23,8 @@ pub enum Method {
     Sift,
     /// The pose of `sift`, then dense stereo.
     Stereo,
+    /// A network of the MASt3R family: points, and the pose of its matches.
+    Mast3r,
     /// The truth itself: what a perfect answer scores.
     Truth,
     /// A plane fitted to the truth: the lower anchor.
@@ -46,7 +49,7 @@ pub struct Answer {
 
 impl Method {
     /// All of them, in the order of the tables.
-    pub const ALL: [Self; 5] = [Self::Orb, Self::Sift, Self::Stereo, Self::Truth, Self::Plane];
+    pub const ALL: [Self; 6] = [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Truth, Self::Plane];
 
     fn words(self) -> Words {
         match self {
@@ -64,6 +67,11 @@ impl Method {
                 name: "stereo",
                 promise: Promise::Points,
                 settings: "the pose of `sift`, then inverse depth of every pixel of both views under a thin plate, completed where nothing matches; its unit is the baseline",
+            },
+            Self::Mast3r => Words {
+                name: "mast3r",
+                promise: Promise::Points,
+                settings: "a network of the MASt3R family: points, and the pose of its matches",
             },
             Self::Truth => Words {
                 name: "truth",
@@ -83,7 +91,7 @@ impl Method {
         self.words().name
     }
 
-    /// What it does, with which settings, in one line.
+    /// What it does, with which settings, in one line; of a network its record tells more.
     pub fn settings(self) -> &'static str {
         self.words().settings
     }
@@ -120,9 +128,13 @@ impl Method {
         })
     }
 
-    /// What it says of two views. Only the anchors look at the truth.
-    pub fn answer(self, views: &[View; 2], truth: &TruthPair) -> Answer {
-        match self {
+    /// What it says of an item. Only the anchors look at the truth.
+    ///
+    /// # Errors
+    /// [`Error::NoNetwork`] for a method that needs one where none is given; those of running it.
+    pub fn answer(self, item: &Item<'_>) -> Result<Answer, Error> {
+        let views = item.views;
+        Ok(match self {
             Self::Orb => Answer {
                 prediction: pictures::orb(views),
                 reference_pose: Some(pictures::orb_reference(views)),
@@ -135,10 +147,29 @@ impl Method {
                 prediction: pictures::stereo(views),
                 reference_pose: Some(pictures::sift_reference(views)),
             },
-            Self::Truth => Answer { prediction: truth::prediction(truth), reference_pose: None },
-            Self::Plane => Answer { prediction: plane::prediction(truth), reference_pose: None },
-        }
+            Self::Mast3r => item.network.ok_or(Error::NoNetwork)?.answer(views, item.lights)?,
+            Self::Truth => Answer { prediction: truth::prediction(item.truth), reference_pose: None },
+            Self::Plane => Answer { prediction: plane::prediction(item.truth), reference_pose: None },
+        })
     }
+
+    /// Whether it needs a network.
+    pub fn needs_network(self) -> bool {
+        self == Self::Mast3r
+    }
+}
+
+/// What a method is shown.
+#[derive(Clone, Copy)]
+pub struct Item<'a> {
+    /// Both views.
+    pub views: &'a [View; 2],
+    /// The numbers of their lights: which pictures of the pair these are.
+    pub lights: [u64; 2],
+    /// The truth, for the anchors.
+    pub truth: &'a TruthPair,
+    /// The network at work on this pair.
+    pub network: Option<&'a learned::Session<'a>>,
 }
 
 /// Insertions, deletions and replacements that turn one word into another (Levenshtein).

@@ -18,7 +18,8 @@ const REFERENCE_THRESHOLD_PX: f64 = 1.0;
 /// Confidence of the reference protocol's search.
 const REFERENCE_CONFIDENCE: f64 = 0.9999;
 
-type Pose = Result<Rigid3<CamB, CamA>, CannotSay>;
+/// A relative pose, or why there is none.
+pub type Pose = Result<Rigid3<CamB, CamA>, CannotSay>;
 
 /// ORB as the paper's baseline is proposed.
 pub fn orb([a, b]: &[View; 2]) -> Prediction {
@@ -53,10 +54,10 @@ fn pose_only(found: Result<PairPose, CannotSay>) -> Prediction {
 }
 
 /// A match in pixels from the corners, with its score (higher is better).
-struct Scored {
-    a: Point2<f64>,
-    b: Point2<f64>,
-    score: f64,
+pub struct Scored {
+    pub a: Point2<f64>,
+    pub b: Point2<f64>,
+    pub score: f64,
 }
 
 /// ORB's matches by the reference protocol.
@@ -94,7 +95,7 @@ fn central_rows(views: &[View; 2]) -> [View; 2] {
 }
 
 /// The 2000 best matches, five-point RANSAC within a pixel, nothing refined.
-fn reference_pose(mut scored: Vec<Scored>, cameras: [&Camera; 2], seed: u64) -> Pose {
+pub fn reference_pose(mut scored: Vec<Scored>, cameras: [&Camera; 2], seed: u64) -> Pose {
     // Stable: among equals the order of the features stays.
     scored.sort_by(|m, n| n.score.total_cmp(&m.score));
     scored.truncate(NUM_BEST);

@@ -10,6 +10,7 @@ pub use record::{Existing, Outcome, Settings};
 use crate::Error;
 use crate::dataset_source::Source;
 use crate::method::Method;
+use crate::method::learned::Network;
 use lines::{Appender, read_mended};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -28,6 +29,8 @@ pub struct RunOptions<'a> {
     pub progress: &'a (dyn Fn(Progress) + Sync),
     /// Seconds since any fixed moment: libraries do not read the clock.
     pub clock: &'a (dyn Fn() -> f64 + Sync),
+    /// The network of the method that needs one; its record is in the settings.
+    pub network: Option<&'a Network>,
 }
 
 /// How far it is, in items of all methods.
@@ -55,13 +58,16 @@ pub fn metrics_path(out: &Path, methods: &[Method], method: Method) -> PathBuf {
 /// Pairs run beside each other, as many as there are threads; lines are written in the order of the source.
 ///
 /// # Errors
-/// [`Error::OtherEvaluation`] for a folder of something else, [`Error::NoTruth`] and [`Error::NoPairs`] if not one pair can be
+/// [`Error::NoNetwork`] for a method that needs one; [`Error::OtherEvaluation`] for a folder of something else, [`Error::NoTruth`] and [`Error::NoPairs`] if not one pair can be
 /// evaluated, [`Error::Io`] in writing. Pairs that are broken are in the outcome.
 pub fn evaluate(
     source: &Source,
     settings: &Settings,
     options: &RunOptions<'_>,
 ) -> Result<(Outcome, Vec<Vec<Line>>), Error> {
+    if options.network.is_none() && settings.methods.iter().any(|method| method.needs_network()) {
+        return Err(Error::NoNetwork);
+    }
     record::take_folder(options.out, settings, source, options.existing)?;
     let paths: Vec<PathBuf> =
         settings.methods.iter().map(|method| metrics_path(options.out, &settings.methods, *method)).collect();
@@ -159,7 +165,7 @@ fn run_pairs(
         if failure.lock().unwrap_or_else(PoisonError::into_inner).is_some() {
             break;
         }
-        let (result, num_tried) = work::evaluate_pair(entry, source, settings, done, options.clock);
+        let (result, num_tried) = work::evaluate_pair(entry, source, settings, done, options);
         tell(num_done.fetch_add(num_tried, Ordering::Relaxed) + num_tried);
         let taken = writer.lock().unwrap_or_else(PoisonError::into_inner).take(pair_idx, result);
         if let Err(error) = taken {

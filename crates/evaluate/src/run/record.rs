@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::dataset_source::{LightChoice, Source};
 use crate::method::Method;
+use crate::method::learned::NetworkRecord;
 use crate::pair_metrics;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -25,6 +26,19 @@ pub struct Settings {
     /// The central rows of the reference protocol; absent where they are not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_frame: Option<pair_metrics::Settings>,
+    /// The network of the method that needs one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub network: Option<NetworkRecord>,
+}
+
+impl Settings {
+    /// What a method does, with which settings, in one line.
+    pub fn line_of(&self, method: Method) -> String {
+        match &self.network {
+            Some(network) if method.needs_network() => network.settings(),
+            _ => method.settings().to_owned(),
+        }
+    }
 }
 
 impl Default for Settings {
@@ -34,6 +48,7 @@ impl Default for Settings {
             methods: vec![Method::Truth],
             metrics: pair_metrics::Settings::default(),
             reference_frame: Some(pair_metrics::Settings::paper()),
+            network: None,
         }
     }
 }

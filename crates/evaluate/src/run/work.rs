@@ -1,10 +1,11 @@
 //! One pair: read once, its truth prepared once, every method and light measured.
 
-use super::{Done, Line, PairResult, Settings};
+use super::{Done, Line, PairResult, RunOptions, Settings};
 use crate::Error;
 use crate::dataset_source::load::ItemRecord;
 use crate::dataset_source::{Entry, LoadedPair, Source};
-use crate::method::{Answer, Method};
+use crate::method::learned::Session;
+use crate::method::{Answer, Item, Method};
 use crate::pair_metrics::{PairMetrics, Promise, Reference};
 use selenograph_reconstruct::{Prediction, View};
 use std::cell::OnceCell;
@@ -15,7 +16,7 @@ pub fn evaluate_pair(
     source: &Source,
     settings: &Settings,
     done: &[Done],
-    clock: &(dyn Fn() -> f64 + Sync),
+    options: &RunOptions<'_>,
 ) -> (PairResult, usize) {
     let is_missing =
         |method_idx: usize, [a, b]: [u64; 2]| !done[method_idx].contains(&(entry.name.clone(), a, b));
@@ -28,7 +29,7 @@ pub fn evaluate_pair(
         let mut measured = || -> Result<(), Error> {
             let pair = LoadedPair::read(entry, &source.pixels)?;
             result.skipped.extend(pair.left_out.iter().cloned());
-            measure_pair(&pair, settings, &missing, clock, &mut result)
+            measure_pair(&pair, settings, &missing, options, &mut result)
         };
         if let Err(error) = measured() {
             // What one method has measured of a pair is not kept without the others: they are compared on the same items.
@@ -50,7 +51,7 @@ fn measure_pair(
     pair: &LoadedPair,
     settings: &Settings,
     missing: &[Vec<[u64; 2]>],
-    clock: &(dyn Fn() -> f64 + Sync),
+    options: &RunOptions<'_>,
     result: &mut PairResult,
 ) -> Result<(), Error> {
     let truth = pair.geometry.truth();
@@ -58,8 +59,9 @@ fn measure_pair(
         full: Reference::new(&truth, &settings.metrics)?,
         rows: settings.reference_frame.as_ref().map(|rows| Reference::new(&truth, rows)).transpose()?,
     };
+    let session = options.network.map(Session::new);
     for (&method, lights) in settings.methods.iter().zip(missing) {
-        let start = clock();
+        let start = (options.clock)();
         // An anchor says the same under every light.
         let same: OnceCell<Line> = OnceCell::new();
         let mut lines = Vec::new();
@@ -67,7 +69,7 @@ fn measure_pair(
             let Some(views) = pair.views([item.light_a, item.light_b]) else { continue };
             let line = match same.get() {
                 Some(line) => Line { item, ..line.clone() },
-                None => measure_item(method, item, &views, &references)?,
+                None => measure_item(method, item, &views, &references, session.as_ref())?,
             };
             if !method.looks_at_pictures() {
                 let _ = same.set(line.clone());
@@ -75,7 +77,7 @@ fn measure_pair(
             lines.push(line);
         }
         result.lines.push(lines);
-        result.seconds.push(clock() - start);
+        result.seconds.push((options.clock)() - start);
     }
     Ok(())
 }
@@ -85,8 +87,10 @@ fn measure_item(
     item: ItemRecord,
     views: &[View; 2],
     references: &References,
+    network: Option<&Session<'_>>,
 ) -> Result<Line, Error> {
-    let answer = method.answer(views, references.full.truth());
+    let lights = [item.light_a, item.light_b];
+    let answer = method.answer(&Item { views, lights, truth: references.full.truth(), network })?;
     let metrics = references.full.measure(&answer.prediction, method.promise())?;
     let in_rows =
         references.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;

@@ -18,6 +18,8 @@ use crate::run::Line;
 pub struct MethodLines {
     /// The method.
     pub method: Method,
+    /// What it does, with which settings, in one line.
+    pub settings: String,
     /// Its lines.
     pub lines: Vec<Line>,
 }

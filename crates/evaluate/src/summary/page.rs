@@ -82,12 +82,8 @@ fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
     let mut table = Table::new("", columns);
     for (method, seconds) in contents.methods.iter().zip(&contents.outcome.seconds_per_item) {
         let seconds = seconds.map_or("–".into(), |seconds| number::significant(seconds, 3));
-        let cells: [String; 4] = [
-            method.method.as_str().into(),
-            method.method.settings().into(),
-            method.lines.len().to_string(),
-            seconds,
-        ];
+        let cells: [String; 4] =
+            [method.method.as_str().into(), method.settings.clone(), method.lines.len().to_string(), seconds];
         table.row(cells.map(Cell::from))?;
     }
     Ok(table)

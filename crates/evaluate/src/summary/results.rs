@@ -93,7 +93,7 @@ pub fn summary_json(source: &Source, outcome: &Outcome, methods: &[MethodLines])
             let answered: Vec<_> = method.lines.iter().filter(|line| has_an_answer(&line.item)).collect();
             classes.insert("all".into(), means(&answered));
             let value = json!({
-                "settings": method.method.settings(),
+                "settings": method.settings,
                 "seconds_per_item": seconds,
                 "by_trajectory": classes,
             });

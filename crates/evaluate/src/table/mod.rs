@@ -136,6 +136,7 @@ impl Table {
             .iter()
             .map(|m| MethodLines {
                 method: m.method,
+                settings: m.settings.clone(),
                 lines: m.lines.iter().filter(|line| !has_an_answer(&line.item)).cloned().collect(),
             })
             .collect();

@@ -22,8 +22,8 @@ fn methods() -> Vec<MethodLines> {
         lines
     };
     vec![
-        MethodLines { method: Method::Orb, lines: lines("orb", 1.5) },
-        MethodLines { method: Method::Sift, lines: lines("sift", 0.5) },
+        MethodLines { method: Method::Orb, settings: String::new(), lines: lines("orb", 1.5) },
+        MethodLines { method: Method::Sift, settings: String::new(), lines: lines("sift", 0.5) },
     ]
 }
 

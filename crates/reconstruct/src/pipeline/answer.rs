@@ -22,6 +22,41 @@ pub enum PoseSource {
         /// Root mean square Sampson distance of those that agree, pixels.
         residual_px: f64,
     },
+    /// From points of B and the pixels that they stand at.
+    Points {
+        /// Points that agree.
+        agreeing: usize,
+        /// Points that took part.
+        points: usize,
+        /// Root mean square reprojection error of those that agree, in a coordinate, pixels.
+        residual_px: f64,
+    },
+    /// None was asked for.
+    Nothing,
+}
+
+/// A smaller share of matches that agree with a given pose is said.
+const GOOD_SHARE: f64 = 0.5;
+
+impl PoseSource {
+    /// A given pose and the matches that it was checked with.
+    pub(crate) fn given(judged: &[PairMatch]) -> Self {
+        let squares = judged.iter().filter(|m| m.inlier).map(|m| m.residual_px.powi(2));
+        let (agreeing, sum) = squares.fold((0, 0.0), |(count, sum), square| (count + 1, sum + square));
+        Self::Given { agreeing, matches: judged.len(), residual_px: (sum / agreeing.max(1) as f64).sqrt() }
+    }
+
+    pub(crate) fn warning(&self) -> Option<Warning> {
+        match *self {
+            Self::Given { agreeing, matches, residual_px }
+                if (agreeing as f64) < GOOD_SHARE * matches as f64
+                    || residual_px > 0.5 * super::given::TOLERANCE_PX =>
+            {
+                Some(Warning::PoseDisagrees { agreeing, matches, residual_px })
+            }
+            _ => None,
+        }
+    }
 }
 
 /// Where the focal lengths come from.
@@ -37,7 +72,12 @@ pub enum FocalSource {
         /// Its standard deviation, pixels.
         sigma_px: f64,
     },
-    /// The matches do not determine it: it is an assumption.
+    /// From the network's points, each view's in its own frame.
+    Pointmaps {
+        /// Of A and of B, pixels.
+        focal_px: [f64; 2],
+    },
+    /// Nothing determines it: it is an assumption.
     Assumed {
         /// Pixels.
         focal_px: f64,
@@ -50,6 +90,7 @@ impl FocalSource {
     pub(super) fn warning(self) -> Option<Warning> {
         match self {
             Self::Known => None,
+            Self::Pointmaps { focal_px: [a, b] } => Some(Warning::FocalFromPoints { a_px: a, b_px: b }),
             Self::Estimated { focal_px, sigma_px } => Some(Warning::FocalEstimated { focal_px, sigma_px }),
             Self::Assumed { focal_px, fov_deg } => Some(Warning::FocalAssumed { focal_px, fov_deg }),
         }
@@ -63,6 +104,9 @@ pub enum Warning {
     /// No size is known.
     #[error("metric: false; nothing says how large this is, so lengths are in units of the baseline")]
     NotMetric,
+    /// No size is known, and there is no baseline.
+    #[error("metric: false; nothing says how large this is, so lengths are in the network's own unit")]
+    NetworkUnit,
     /// The focal length was estimated.
     #[error(
         "no camera was given: the focal length was estimated from the matches, {focal_px:.1} ± {sigma_px:.2} px"
@@ -73,9 +117,19 @@ pub enum Warning {
         /// Its standard deviation, pixels.
         sigma_px: f64,
     },
+    /// The focal length was taken from the network's points.
+    #[error(
+        "no camera was given: the focal lengths are those that the network's points imply, {a_px:.1} and {b_px:.1} px"
+    )]
+    FocalFromPoints {
+        /// Of A, pixels.
+        a_px: f64,
+        /// Of B, pixels.
+        b_px: f64,
+    },
     /// The focal length was assumed.
     #[error(
-        "no camera was given and the matches do not determine one: a field of view of {fov_deg:.1}° ({focal_px:.1} px) was assumed; \
+        "no camera was given and nothing determines one: a field of view of {fov_deg:.1}° ({focal_px:.1} px) was assumed; \
          angles, slopes and heights are only as right as this is"
     )]
     FocalAssumed {
@@ -97,6 +151,25 @@ pub enum Warning {
         matches: usize,
         /// Root mean square Sampson distance of those that agree, pixels.
         residual_px: f64,
+    },
+    /// The matches gave no pose, the points did.
+    #[error("the matches tell no pose ({why}): it was taken from the network's points")]
+    PoseFromPoints {
+        /// Why they do not.
+        why: String,
+    },
+    /// No pose was asked for.
+    #[error("no pose was asked for: the points are the network's alone, and nothing checks them")]
+    NoPose,
+    /// The network's points and its matches disagree about ranges.
+    #[error(
+        "the network's points and the points in which its matches meet disagree: their ranges differ by {percent:.0} % (sigma) beside a common \
+         factor",
+        percent = 100.0 * spread
+    )]
+    PointsDisagree {
+        /// Sigma of the ratio of ranges, as a share of it.
+        spread: f64,
     },
     /// Two sources of size tell different things.
     #[error("the size from `{other}` is {ratio:.3} times that from `{used}`, which was used")]

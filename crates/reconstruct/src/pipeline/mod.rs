@@ -3,15 +3,17 @@
 mod answer;
 mod focal;
 mod given;
+mod learned;
 mod rays;
-mod sparse;
 
 pub use answer::{FocalSource, PoseSource, Reconstruction, Warning};
+pub(crate) use given::TOLERANCE_PX as GIVEN_TOLERANCE_PX;
+pub use learned::{LearnedInput, reconstruct_learned};
 
 use crate::priors::Priors;
 use crate::relative_pose::{self, PairPose, SiftOptions};
 use crate::stereo::{self, Seed, StereoOptions};
-use crate::{Error, PredictedView, Prediction, View};
+use crate::{Error, PredictedView, Prediction, View, triangulate};
 use given::Start;
 use selenograph_geometry::Camera;
 use serde::{Deserialize, Serialize};
@@ -130,9 +132,9 @@ pub fn reconstruct(
         Some(known) => given::start(&a, &b, known, &options.sift)?,
         None => estimated(relative_pose::sift(&a, &b, &options.sift)?),
     };
-    warnings.extend(start.warnings());
+    warnings.extend(start.source.warning());
     let views = match options.method {
-        Method::Sift => sparse::views(&a, &b, &start),
+        Method::Sift => triangulate::matched([&a.camera, &b.camera], &start.cam_b_from_cam_a, &start.matches),
         Method::Stereo => dense(&a, &b, &start, options, &mut progress)?,
     };
     let prediction = Prediction { cam_b_from_cam_a: Ok(start.cam_b_from_cam_a), views: Some(views) };

@@ -60,6 +60,7 @@ impl Reconstruct {
             &known.world_from_cam_b,
             &known.dem,
             &known.points,
+            &self.network.weights,
         ];
         let named = optional.into_iter().flatten().cloned();
         [self.a.clone(), self.b.clone()].into_iter().chain(named).collect()

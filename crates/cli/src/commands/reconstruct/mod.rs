@@ -2,10 +2,12 @@
 
 mod inputs;
 mod known;
+mod learned;
 mod pose_file;
 mod report;
 
 use super::clock::now_utc;
+use super::network;
 use super::run_record::{RunRecord, checksums};
 use crate::args::reconstruct::{Method, ProductChoice, Reconstruct};
 use crate::exit::Outcome;
@@ -25,7 +27,10 @@ use std::time::Instant;
 /// Everything that was decided before the work began.
 #[derive(Serialize)]
 struct Settings<'a> {
-    pipeline: &'a Options,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pipeline: Option<&'a Options>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    learned: Option<learned::Record>,
     products: &'a ProductOptions,
     known: known::Summary,
     cameras: inputs::CameraSummary,
@@ -35,7 +40,8 @@ struct Settings<'a> {
 #[derive(Serialize)]
 struct Answer {
     pictures: [String; 2],
-    pose: pose_file::PoseRecord,
+    /// Absent where none was asked for.
+    pose: Option<pose_file::PoseRecord>,
     warnings: Vec<String>,
 }
 
@@ -44,16 +50,30 @@ struct Answer {
 /// # Errors
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
+    let learned = match args.method {
+        Method::Mast3r => Some(learned::Choice::new(args)?),
+        Method::Sift | Method::Stereo => network::unused(&args.network).map(|()| None)?,
+    };
     let draft = Draft::new(&args.target.out, args.target.force)?;
-    let pictures = ui.timed("read pictures", || inputs::read(args))?;
+    let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
     let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, pictures.sizes()))?;
     let options = options(args, &pictures);
     let product_options = product_options(&args.products, options.completion);
     for note in &pictures.notes {
         ui.note(&format!("note: {note}"));
     }
-    let [a, b] = &pictures.views;
-    let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress))?;
+    let (found, learned) = match learned {
+        Some(choice) => with_stages(ui, |progress| {
+            choice
+                .reconstruct(args, &mut pictures, &priors, progress, ui)
+                .map(|(f, record)| (f, Some(record)))
+        })?,
+        None => {
+            let [a, b] = &pictures.views;
+            let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress))?;
+            (found, None)
+        }
+    };
     for warning in &found.warnings {
         ui.note(&format!("note: {warning}"));
     }
@@ -61,7 +81,9 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     std::fs::create_dir(folder).with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
     let made = ui.timed("products", || write_products(folder, &pictures, &found, &product_options))?;
     let pose = pose_file::PoseRecord::new(&found);
-    write(folder, "pose.json", &pose_file::transform(&found).to_json()?)?;
+    if pose.is_some() {
+        write(folder, "pose.json", &pose_file::transform(&found).to_json()?)?;
+    }
     let answer = Answer {
         pictures: pictures.paths.each_ref().map(|path| path.display().to_string()),
         pose: pose.clone(),
@@ -69,7 +91,8 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
     let settings = Settings {
-        pipeline: &options,
+        pipeline: learned.is_none().then_some(&options),
+        learned,
         products: &product_options,
         known,
         cameras: inputs::CameraSummary::new(&found),
@@ -78,14 +101,16 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let run_toml = record.to_toml()?;
     write(folder, "run.toml", &run_toml)?;
     if !args.products.no_report {
-        let page = ui.timed("report", || report::page(&pictures, &found, &made, &pose, &run_toml))?;
+        let page = ui.timed("report", || report::page(&pictures, &found, &made, pose.as_ref(), &run_toml))?;
         write(folder, "report.html", &page)?;
     }
     ui.timed("move into place", || draft.commit())?;
     if ui.json {
         ui.data_json(&answer)?;
     }
-    ui.note(&pose.sentence());
+    if let Some(pose) = &pose {
+        ui.note(&pose.sentence());
+    }
     let shown = if args.products.no_report { "products.json" } else { "report.html" };
     ui.note(&format!("{}/{shown}", args.target.out.display()));
     Ok(Outcome::Done)
@@ -99,7 +124,7 @@ fn options(args: &Reconstruct, pictures: &Pictures) -> Options {
     Options {
         method: match args.method {
             Method::Sift => pipeline::Method::Sift,
-            Method::Stereo => pipeline::Method::Stereo,
+            Method::Stereo | Method::Mast3r => pipeline::Method::Stereo,
         },
         completion: if args.complete { Completion::Smooth } else { Completion::Absent },
         focal: if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed },

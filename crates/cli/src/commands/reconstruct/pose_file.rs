@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The relative pose for people and for files.
 #[derive(Debug, Clone, Serialize)]
 pub struct PoseRecord {
-    /// `estimated` or `given`.
+    /// `estimated`, `given` or `points`.
     pub source: &'static str,
     /// Whether the translation is in metres; else its length means nothing.
     pub metric: bool,
@@ -22,7 +22,7 @@ pub struct PoseRecord {
     pub rotation_sigma_deg: Option<f64>,
     /// Standard deviation of the translation's direction, root of the sum of its two variances.
     pub direction_sigma_deg: Option<f64>,
-    /// Matches that agree, and all matches that were judged.
+    /// Matches that agree, and all matches that were judged; points where the pose comes from points.
     pub inliers: [usize; 2],
     /// Root mean square Sampson distance of those that agree, pixels.
     pub residual_px: f64,
@@ -31,7 +31,8 @@ pub struct PoseRecord {
 }
 
 impl PoseRecord {
-    pub fn new(found: &Reconstruction) -> Self {
+    /// `None` where there is no pose.
+    pub fn new(found: &Reconstruction) -> Option<Self> {
         let metric = found.placement.metric;
         let unit = found.placement.cam_a_from_pred.scale();
         let motion = scaled(found, unit);
@@ -39,17 +40,26 @@ impl PoseRecord {
         let cosine = 0.5 * (motion.rotation().trace() - 1.0);
         let mean_focal_px =
             found.cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25);
-        let judged = found.matches.len();
-        let inliers = found.matches.iter().filter(|m| m.inlier).count();
-        let (source, residual_px, sigmas, plane_share) = match &found.pose {
+        let inliers = [found.matches.iter().filter(|m| m.inlier).count(), found.matches.len()];
+        let (source, inliers, residual_px, sigmas, plane_share) = match &found.pose {
             PoseSource::Estimated(pose) => {
                 let variance = |k: std::ops::Range<usize>| k.map(|i| pose.covariance[(i, i)]).sum::<f64>();
                 let sigmas = [variance(0..3), variance(3..5)].map(|v| v.sqrt().to_degrees());
-                ("estimated", pose.residual_rms * mean_focal_px, Some(sigmas), Some(pose.plane_share))
+                (
+                    "estimated",
+                    inliers,
+                    pose.residual_rms * mean_focal_px,
+                    Some(sigmas),
+                    Some(pose.plane_share),
+                )
             }
-            PoseSource::Given { residual_px, .. } => ("given", *residual_px, None, None),
+            PoseSource::Given { residual_px, .. } => ("given", inliers, *residual_px, None, None),
+            PoseSource::Points { agreeing, points, residual_px } => {
+                ("points", [*agreeing, *points], *residual_px, None, None)
+            }
+            PoseSource::Nothing => return None,
         };
-        Self {
+        Some(Self {
             source,
             metric,
             cam_b_from_cam_a: motion.rows_3x4(),
@@ -57,10 +67,10 @@ impl PoseRecord {
             baseline,
             rotation_sigma_deg: sigmas.map(|s| s[0]),
             direction_sigma_deg: sigmas.map(|s| s[1]),
-            inliers: [inliers, judged],
+            inliers,
             residual_px,
             plane_share,
-        }
+        })
     }
 
     /// In one line.
@@ -77,8 +87,9 @@ impl PoseRecord {
             "no scale (metric: false)".to_owned()
         };
         let [inliers, judged] = self.inliers;
+        let what = if self.source == "points" { "points" } else { "matches" };
         format!(
-            "pose {}: turned by {:.3}°{sigma}, {baseline}; {inliers} of {judged} matches agree to {:.3} px",
+            "pose {}: turned by {:.3}°{sigma}, {baseline}; {inliers} of {judged} {what} agree to {:.3} px",
             self.source, self.rotation_deg, self.residual_px
         )
     }
@@ -92,7 +103,7 @@ pub fn transform(found: &Reconstruction) -> PairPose {
         PoseSource::Estimated(pose) => Some(nalgebra::DMatrix::from_fn(5, 5, |i, j| {
             0.5 * (pose.covariance[(i, j)] + pose.covariance[(j, i)])
         })),
-        PoseSource::Given { .. } => None,
+        PoseSource::Given { .. } | PoseSource::Points { .. } | PoseSource::Nothing => None,
     };
     let covariance = covariance.filter(|m| m.iter().all(|v| v.is_finite()));
     PairPose { cam_b_from_cam_a: scaled(found, unit), metric, covariance }

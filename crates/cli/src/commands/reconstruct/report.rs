@@ -39,12 +39,12 @@ pub fn page(
     pictures: &Pictures,
     found: &Reconstruction,
     made: &Products,
-    pose: &PoseRecord,
+    pose: Option<&PoseRecord>,
     run_toml: &str,
 ) -> anyhow::Result<String> {
     let names = pictures.paths.each_ref().map(|path| name_of(path));
     let mut page = Page::new(format!("Terrain from {} and {}", names[0], names[1]));
-    page.lead(&pose.sentence());
+    page.lead(&pose.map_or_else(|| "There is no relative pose.".to_owned(), PoseRecord::sentence));
     for warning in &found.warnings {
         page.warning(&warning.to_string());
     }
@@ -52,7 +52,7 @@ pub fn page(
     page.section("Pictures and matches");
     page.figure(&matches(pictures, found, [&names[0], &names[1]])?);
     page.section("Depth").figures(&depths(found)?);
-    let unit = if found.placement.metric { "m" } else { "baselines" };
+    let unit = unit_of(found);
     page.section("Terrain").figures(&terrain(made, unit)?);
     page.figure(&central_profile(made, unit));
     page.section("Hazards").figure(&hazards(made)?).table(&hazard_table(made, unit)?);
@@ -61,75 +61,79 @@ pub fn page(
     Ok(page.finish())
 }
 
+/// What lengths are in.
+fn unit_of(found: &Reconstruction) -> &'static str {
+    match (found.placement.metric, &found.prediction.cam_b_from_cam_a) {
+        (true, _) => "m",
+        (false, Ok(_)) => "baselines",
+        (false, Err(_)) => "units",
+    }
+}
+
 fn name_of(path: &std::path::Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-fn facts(found: &Reconstruction, made: &Products, pose: &PoseRecord) -> Table {
+/// Numbers in words; what an answer does not have is left out.
+fn facts(found: &Reconstruction, made: &Products, pose: Option<&PoseRecord>) -> Table {
     let summary = &made.summary;
+    let unit = format!(" {}", unit_of(found));
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let mut facts = vec![("metric", summary.metric.to_string()), ("size from", summary.scale_source.clone())];
+    facts.extend(pose.into_iter().flat_map(pose_facts));
+    facts.push((
+        "sigma of the size",
+        summary
+            .scale_sigma
+            .map_or_else(|| "not known".into(), |s| format!("{} %", significant(100.0 * s, 2))),
+    ));
+    let counts = &found.counts;
+    if counts.features != [0, 0] {
+        facts.push(("features", format!("{} and {}", counts.features[0], counts.features[1])));
+        let numbers = format!("{}, {}, {}", counts.matches, counts.refined, counts.inliers);
+        facts.push(("matches, aligned, agreeing", numbers));
+    } else if counts.matches > 0 {
+        facts.push(("matches, agreeing", format!("{}, {}", counts.matches, counts.inliers)));
+    }
+    let focal = found.cameras.each_ref().map(|camera| format!("{:.2}", camera.fx));
+    let cells = format!(
+        "{}×{} cells of {}{unit}; {}",
+        summary.grid_size[0],
+        summary.grid_size[1],
+        significant(summary.cell, 4),
+        summary.frame
+    );
+    let [low, high] = summary.height_range.map(|h| fixed(h, 2));
+    let sigma =
+        summary.sigma_median.map_or_else(|| "not known".into(), |s| format!("{}{unit}", significant(s, 3)));
+    facts.extend([
+        ("focal lengths", format!("{} px and {} px", focal[0], focal[1])),
+        ("measured pixels", format!("{} and {}", percent(summary.measured[0]), percent(summary.measured[1]))),
+        (
+            "completed pixels",
+            format!("{} and {}", percent(summary.completed[0]), percent(summary.completed[1])),
+        ),
+        ("grid", cells),
+        ("heights", format!("{low} to {high}{unit}")),
+        ("median sigma of the heights", sigma),
+    ]);
+    Table::of_facts("", facts)
+}
+
+fn pose_facts(pose: &PoseRecord) -> Vec<(&'static str, String)> {
     let unit = if pose.metric { " m" } else { " baselines" };
     let sigma = |value: Option<f64>| value.map_or_else(|| "not known".into(), |v| format!("{v:.4}°"));
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    let counts = &found.counts;
-    let focal = found.cameras.each_ref().map(|camera| format!("{:.2}", camera.fx));
-    Table::of_facts(
-        "",
-        [
-            ("metric", pose.metric.to_string()),
-            ("size from", summary.scale_source.clone()),
-            ("relative pose", pose.source.to_owned()),
-            ("rotation between the views", format!("{:.4}°", pose.rotation_deg)),
-            ("its sigma", sigma(pose.rotation_sigma_deg)),
-            ("sigma of the direction of motion", sigma(pose.direction_sigma_deg)),
-            ("baseline", format!("{}{unit}", significant(pose.baseline, 6))),
-            (
-                "sigma of the size",
-                summary
-                    .scale_sigma
-                    .map_or_else(|| "not known".into(), |s| format!("{} %", significant(100.0 * s, 2))),
-            ),
-            ("residual of the matches", format!("{:.3} px", pose.residual_px)),
-            ("features", format!("{} and {}", counts.features[0], counts.features[1])),
-            (
-                "matches, aligned, agreeing",
-                format!("{}, {}, {}", counts.matches, counts.refined, counts.inliers),
-            ),
-            ("share of them on one plane", pose.plane_share.map_or_else(|| "not known".into(), percent)),
-            ("focal lengths", format!("{} px and {} px", focal[0], focal[1])),
-            (
-                "measured pixels",
-                format!("{} and {}", percent(summary.measured[0]), percent(summary.measured[1])),
-            ),
-            (
-                "completed pixels",
-                format!("{} and {}", percent(summary.completed[0]), percent(summary.completed[1])),
-            ),
-            (
-                "grid",
-                format!(
-                    "{}×{} cells of {}{unit}; {}",
-                    summary.grid_size[0],
-                    summary.grid_size[1],
-                    significant(summary.cell, 4),
-                    summary.frame
-                ),
-            ),
-            (
-                "heights",
-                format!(
-                    "{} to {}{unit}",
-                    fixed(summary.height_range[0], 2),
-                    fixed(summary.height_range[1], 2)
-                ),
-            ),
-            (
-                "median sigma of the heights",
-                summary
-                    .sigma_median
-                    .map_or_else(|| "not known".into(), |s| format!("{}{unit}", significant(s, 3))),
-            ),
-        ],
-    )
+    let plane_share =
+        pose.plane_share.map_or_else(|| "not known".into(), |share| format!("{:.1} %", 100.0 * share));
+    vec![
+        ("relative pose", pose.source.to_owned()),
+        ("rotation between the views", format!("{:.4}°", pose.rotation_deg)),
+        ("its sigma", sigma(pose.rotation_sigma_deg)),
+        ("sigma of the direction of motion", sigma(pose.direction_sigma_deg)),
+        ("baseline", format!("{}{unit}", significant(pose.baseline, 6))),
+        ("residual of what agrees", format!("{:.3} px", pose.residual_px)),
+        ("share of it on one plane", plane_share),
+    ]
 }
 
 /// Grey levels stretched between their darkest and brightest thousandth.
@@ -174,7 +178,7 @@ fn matches(pictures: &Pictures, found: &Reconstruction, names: [&str; 2]) -> any
 fn depths(found: &Reconstruction) -> anyhow::Result<Vec<Figure>> {
     let Some(views) = &found.prediction.views else { return Ok(Vec::new()) };
     let scale = found.placement.cam_a_from_pred.scale();
-    let unit = if found.placement.metric { "m" } else { "baselines" };
+    let unit = unit_of(found);
     let motion = found.prediction.cam_b_from_cam_a.as_ref().ok();
     let mut figures = Vec::new();
     for (k, (view, name)) in views.iter().zip(["a", "b"]).enumerate() {

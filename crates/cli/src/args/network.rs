@@ -1,0 +1,50 @@
+//! What runs a network and how pictures become its input: for every command that has one.
+
+use super::weights::Heads;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Longest side of an input: what networks of the family are trained on.
+const MAX_SIDE: usize = 512;
+
+/// The network of the method `mast3r`.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Network (method mast3r)")]
+pub struct NetworkChoice {
+    /// Its weights: a checkpoint of the MASt3R or DUSt3R family, .pth or safetensors
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
+    /// What runs it
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: String,
+    /// How a picture becomes its input
+    #[arg(long, value_enum, default_value_t = InputRule::Whole)]
+    pub input: InputRule,
+    /// Larger pictures are made smaller, to this longest side
+    #[arg(long, value_name = "PX", default_value_t = MAX_SIDE)]
+    pub max_side: usize,
+    /// How to read the weights.
+    #[command(flatten)]
+    pub heads: Heads,
+}
+
+impl Default for NetworkChoice {
+    fn default() -> Self {
+        Self {
+            weights: None,
+            device: "cpu".into(),
+            input: InputRule::Whole,
+            max_side: MAX_SIDE,
+            heads: Heads { encoder_heads: None, decoder_heads: None },
+        }
+    }
+}
+
+/// How a picture becomes an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputRule {
+    /// All of it; sides are padded to multiples of the patch
+    Whole,
+    /// As the published networks have it: sides cropped to multiples of the patch, a square to 4:3
+    Published,
+}

@@ -1,0 +1,107 @@
+//! The network that `reconstruct` and `evaluate` run: found, announced, loaded.
+
+use crate::args::network::{InputRule, NetworkChoice};
+use crate::exit::refuse;
+use crate::ui::Ui;
+use indicatif::ProgressBar;
+use selenograph_network::Checkpoint;
+use selenograph_network::checkpoint::HeadCounts;
+use selenograph_network::input::{Border, Rule, SquareCrop};
+use selenograph_predict::{About, Executor, PredictOptions, Predictor, Progress, Step};
+use std::path::Path;
+use std::time::Instant;
+
+/// How the network is run, as far as the command line says.
+///
+/// # Errors
+/// A device that this build does not have; an input without pixels.
+pub fn options(choice: &NetworkChoice) -> anyhow::Result<PredictOptions> {
+    if choice.max_side == 0 {
+        return Err(refuse("--max-side 0: no such picture", "512 is what networks are trained on"));
+    }
+    let input = match choice.input {
+        InputRule::Whole => Rule::Whole { max_side: Some(choice.max_side), border: Border::Pad },
+        InputRule::Published => Rule::Published { size: choice.max_side, square: SquareCrop::FourThirds },
+    };
+    Ok(PredictOptions { executor: executor(&choice.device)?, input, ..PredictOptions::default() })
+}
+
+fn executor(device: &str) -> anyhow::Result<Executor> {
+    match device {
+        "cpu" => Ok(Executor::Cpu),
+        other => Err(refuse(
+            format!("this build has no device `{other}` for networks"),
+            "pass --device cpu, or leave it out",
+        )),
+    }
+}
+
+/// The weights that were named.
+///
+/// # Errors
+/// If none were.
+pub fn weights(choice: &NetworkChoice) -> anyhow::Result<&Path> {
+    choice.weights.as_deref().ok_or_else(|| {
+        refuse(
+            "the method `mast3r` needs the weights of a network",
+            "pass --weights FILE; `selenograph weights random --preset tiny` makes one that has learnt nothing",
+        )
+    })
+}
+
+/// Refuses weights that no method would read.
+///
+/// # Errors
+/// If weights were named.
+pub fn unused(choice: &NetworkChoice) -> anyhow::Result<()> {
+    match &choice.weights {
+        None => Ok(()),
+        Some(path) => Err(refuse(
+            format!("--weights `{}` is for the method `mast3r`", path.display()),
+            "pass --method mast3r, or leave --weights out",
+        )),
+    }
+}
+
+/// Says what runs, then loads it.
+///
+/// # Errors
+/// A file that is no checkpoint, or whose tensors do not make its network.
+pub fn open(choice: &NetworkChoice, options: &PredictOptions, ui: &Ui) -> anyhow::Result<Predictor> {
+    let heads = HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads };
+    let checkpoint = Checkpoint::open_with(weights(choice)?, heads)?;
+    let about = About::new(&checkpoint, options.executor);
+    ui.note(&format!("{}; {} threads", about.sentence(), rayon::current_num_threads()));
+    for note in &about.notes {
+        ui.note(&format!("note: {note}"));
+    }
+    with_steps(ui, |progress| Ok(Predictor::new(&checkpoint, options, progress)?))
+}
+
+/// Runs work that tells how far it is: shown while it lasts, timed with --verbose.
+pub fn with_steps<T>(ui: &Ui, work: impl FnOnce(&mut dyn FnMut(Progress)) -> T) -> T {
+    let bar = ui.bar(0, "parts");
+    let mut running: Option<(Step, Instant)> = None;
+    let done = work(&mut |progress| {
+        if running.is_none_or(|(step, _)| step != progress.step) {
+            finished(running, ui);
+            running = Some((progress.step, Instant::now()));
+        }
+        show(&bar, progress);
+    });
+    finished(running, ui);
+    bar.finish_and_clear();
+    done
+}
+
+fn show(bar: &ProgressBar, progress: Progress) {
+    bar.set_message(progress.step.as_str());
+    bar.set_length(progress.of as u64);
+    bar.set_position(progress.done as u64);
+}
+
+fn finished(step: Option<(Step, Instant)>, ui: &Ui) {
+    if let Some((step, start)) = step {
+        ui.detail(&format!("time: {} {:.3} s", step.as_str(), start.elapsed().as_secs_f64()));
+    }
+}

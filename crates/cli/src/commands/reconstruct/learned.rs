@@ -1,0 +1,76 @@
+//! `reconstruct --method mast3r`: what a network says of the pictures.
+
+use super::inputs::Pictures;
+use crate::args::reconstruct::{PointsFrom, PoseFrom, Reconstruct};
+use crate::commands::network;
+use crate::ui::Ui;
+use selenograph_predict::{About, Density, Passes, PredictOptions};
+use selenograph_reconstruct::learned::{self, LearnedOptions};
+use selenograph_reconstruct::pipeline::{FocalKnowledge, Reconstruction, Stage, reconstruct_learned};
+use selenograph_reconstruct::priors::Priors;
+use serde::Serialize;
+
+/// What was decided, for the record.
+#[derive(Serialize)]
+pub struct Record {
+    network: About,
+    run: PredictOptions,
+    geometry: LearnedOptions,
+}
+
+/// Everything that is decided before the pictures are looked at.
+pub struct Choice {
+    run: PredictOptions,
+    geometry: LearnedOptions,
+}
+
+impl Choice {
+    /// As far as the command line says.
+    ///
+    /// # Errors
+    /// A device that this build does not have; weights that were not named.
+    pub fn new(args: &Reconstruct) -> anyhow::Result<Self> {
+        network::weights(&args.network)?;
+        let (points, density) = match args.learned.points_from {
+            PointsFrom::Network => (learned::PointsFrom::Network, Density::Published),
+            PointsFrom::Triangulated => (learned::PointsFrom::Triangulated, Density::Dense),
+        };
+        let pose = match args.learned.pose_from {
+            PoseFrom::Matches => learned::PoseFrom::Matches,
+            PoseFrom::Points => learned::PoseFrom::Points,
+            PoseFrom::Nothing => learned::PoseFrom::Nothing,
+        };
+        let passes = if args.learned.symmetric { Passes::Symmetric } else { Passes::Forward };
+        Ok(Self {
+            run: PredictOptions { density, passes, ..network::options(&args.network)? },
+            geometry: LearnedOptions { pose, points, seed: args.seed, ..LearnedOptions::default() },
+        })
+    }
+
+    /// Runs the network and places what it says; what was done to the pictures is added to their notes.
+    ///
+    /// # Errors
+    /// Weights that make no network; a picture below one patch; a pair that cannot tell.
+    pub fn reconstruct(
+        self,
+        args: &Reconstruct,
+        pictures: &mut Pictures,
+        priors: &Priors,
+        progress: &mut dyn FnMut(Stage),
+        ui: &Ui,
+    ) -> anyhow::Result<(Reconstruction, Record)> {
+        let predictor = network::open(&args.network, &self.run, ui)?;
+        let focal = if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed };
+        let said = network::with_steps(ui, |progress| predictor.predict(&pictures.views, focal, progress))?;
+        for (path, notes) in pictures.paths.iter().zip(&said.notes) {
+            for note in notes {
+                let note = format!("`{}`: for the network {note}", path.display());
+                ui.note(&format!("note: {note}"));
+                pictures.notes.push(note);
+            }
+        }
+        let found = reconstruct_learned(said.input, priors, &self.geometry, progress)?;
+        let record = Record { network: predictor.about().clone(), run: self.run, geometry: self.geometry };
+        Ok((found, record))
+    }
+}

@@ -1,0 +1,129 @@
+//! The method that needs a network: loaded once for a run, each view encoded once for a pair.
+
+use super::Answer;
+use super::pictures::{Pose, Scored, reference_pose};
+use crate::Error;
+use crate::pair_metrics::PAPER_ROWS;
+use selenograph_geometry::Camera;
+use selenograph_predict::{EncodedView, PredictOptions, Predictor, Rule};
+use selenograph_reconstruct::View;
+use selenograph_reconstruct::learned::{LearnedMatch, LearnedOptions, solve};
+use selenograph_reconstruct::pipeline::FocalKnowledge;
+use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+/// What tells a network's answers from another's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkRecord {
+    /// The checkpoint's file name.
+    pub checkpoint: String,
+    /// Its BLAKE3.
+    pub blake3: String,
+    /// Its family.
+    pub family: String,
+    /// Licence of the weights, where the file states it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub license: Option<String>,
+    /// How it is run and matched.
+    pub run: PredictOptions,
+    /// How pose and points follow.
+    pub geometry: LearnedOptions,
+}
+
+impl NetworkRecord {
+    /// What it does, in one line.
+    pub fn settings(&self) -> String {
+        let input = match self.run.input {
+            Rule::Whole { max_side: Some(side), .. } => format!("the whole picture, at most {side} px"),
+            Rule::Whole { max_side: None, .. } => "the whole picture".to_owned(),
+            Rule::Published { size, .. } => format!("as published, {size} px, a square cropped to 4:3"),
+        };
+        format!(
+            "{} `{}` (BLAKE3 {}, licence: {}); input: {input}; points are the network's, in its own unit; pose: essential matrix of its matches \
+             (a start every {} px, {} px of border; refined), from its points where they do not tell; reference protocol: the 2000 best \
+             matches within the central rows, five-point RANSAC",
+            self.family,
+            self.checkpoint,
+            self.blake3.get(..12).unwrap_or(&self.blake3),
+            self.license.as_deref().unwrap_or("not stated"),
+            self.run.subsample_px,
+            self.run.border_px,
+        )
+    }
+}
+
+/// A network that is loaded.
+pub struct Network {
+    predictor: Predictor,
+    record: NetworkRecord,
+    /// One pair at a time: each takes all threads and a lot of memory.
+    gate: Mutex<()>,
+}
+
+impl Network {
+    /// A network and the checksum of its file.
+    pub fn new(predictor: Predictor, blake3: String) -> Self {
+        let about = predictor.about();
+        let record = NetworkRecord {
+            checkpoint: about.checkpoint.clone(),
+            blake3,
+            family: about.family.to_owned(),
+            license: about.license.clone(),
+            run: predictor.options().clone(),
+            geometry: LearnedOptions::default(),
+        };
+        Self { predictor, record, gate: Mutex::new(()) }
+    }
+
+    /// What tells its answers from another's.
+    pub fn record(&self) -> &NetworkRecord {
+        &self.record
+    }
+}
+
+/// A network at work on one pair.
+pub struct Session<'a> {
+    network: &'a Network,
+    /// By light and view.
+    encoded: RefCell<BTreeMap<(u64, usize), EncodedView>>,
+}
+
+impl<'a> Session<'a> {
+    /// With nothing encoded yet.
+    pub fn new(network: &'a Network) -> Self {
+        Self { network, encoded: RefCell::default() }
+    }
+
+    /// What the network says of the views under two lights; a view that was seen under its light before is not encoded again.
+    pub(super) fn answer(&self, views: &[View; 2], lights: [u64; 2]) -> Result<Answer, Error> {
+        let Network { predictor, record, gate } = self.network;
+        let _one_at_a_time = gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut encoded = self.encoded.borrow_mut();
+        let keys = [0, 1].map(|k| (lights[k], k));
+        let new: Vec<usize> = (0..2).filter(|k| !encoded.contains_key(&keys[*k])).collect();
+        let unseen: Vec<&View> = new.iter().map(|k| &views[*k]).collect();
+        for (k, view) in new.into_iter().zip(predictor.encode(&unseen, &mut |_| {})?) {
+            encoded.insert(keys[k], view);
+        }
+        let said =
+            predictor.predict_encoded(keys.map(|key| &encoded[&key]), FocalKnowledge::Known, &mut |_| {})?;
+        let cameras = views.each_ref().map(|view| &view.camera);
+        let solved = solve(cameras, &said.input.learned, None, &record.geometry)?;
+        let reference = by_reference(&said.input.learned.matches, cameras, record.geometry.seed);
+        Ok(Answer { prediction: solved.prediction, reference_pose: Some(reference) })
+    }
+}
+
+/// The reference protocol: the best of the matches within the central rows.
+fn by_reference(matches: &[LearnedMatch], cameras: [&Camera; 2], seed: u64) -> Pose {
+    let inside = |y: f64, camera: &Camera| {
+        let top = camera.height.saturating_sub(PAPER_ROWS) / 2;
+        (top as f64..(top + PAPER_ROWS) as f64).contains(&y)
+    };
+    let central = matches.iter().filter(|m| inside(m.a.y, cameras[0]) && inside(m.b.y, cameras[1]));
+    let scored = central.map(|m| Scored { a: m.a, b: m.b, score: m.score }).collect();
+    reference_pose(scored, cameras, seed)
+}

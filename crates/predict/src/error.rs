@@ -1,0 +1,47 @@
+//! What can go wrong between a checkpoint and a prediction.
+
+use std::path::PathBuf;
+
+/// The crate's errors.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A checkpoint without heads that give points.
+    #[error("`{}` is a {family} network: it gives no points", path.display())]
+    NoPoints {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Its family.
+        family: &'static str,
+    },
+    /// Matches are asked for of a network that gives none.
+    #[error("`{}` is a {family} network without descriptors: it does not match, so that nothing can be triangulated", path.display())]
+    NoDescriptors {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Its family.
+        family: &'static str,
+    },
+    /// The checkpoint, or a picture that cannot be made into an input.
+    #[error(transparent)]
+    Network(#[from] selenograph_network::Error),
+    /// The executor.
+    #[error(transparent)]
+    Engine(#[from] selenograph_engine::Error),
+}
+
+impl Error {
+    /// What the user can do about it.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::NoPoints { .. } => {
+                Some("networks of the DUSt3R family give points, those of the MASt3R family match as well")
+            }
+            Self::NoDescriptors { .. } => {
+                Some("it gives points and a pose from them; take a MASt3R network to match")
+            }
+            Self::Network(error) => error.hint(),
+            Self::Engine(error) => error.hint(),
+        }
+    }
+}

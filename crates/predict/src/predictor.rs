@@ -1,0 +1,340 @@
+//! A network, loaded once, and what it says of views.
+
+use crate::executor::{Loaded, Report};
+use crate::picture::Input;
+use crate::{Density, Error, Executor, Passes, PredictOptions, grid, matches, picture};
+use selenograph_engine::focal::focal_of_pointmap;
+use selenograph_engine::{Encoding, HeadOutput, Image};
+use selenograph_geometry::{Camera, pixel};
+use selenograph_network::Checkpoint;
+use selenograph_network::checkpoint::HeadCounts;
+use selenograph_network::input::Plan;
+use selenograph_network::model_string::Family;
+use selenograph_reconstruct::View;
+use selenograph_reconstruct::learned::Learned;
+use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, LearnedInput};
+use serde::Serialize;
+use std::path::Path;
+
+/// Focal lengths that are believed, in widths of the picture: fields of view of 103° to 7°.
+const FOCAL_WIDTHS: std::ops::RangeInclusive<f64> = 0.4..=8.0;
+
+/// A part of the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Reading and packing weights.
+    Load,
+    /// Blocks of the encoder.
+    Encode,
+    /// Blocks of the decoders.
+    Decode,
+    /// Heads.
+    Heads,
+    /// Matching.
+    Match,
+}
+
+impl Step {
+    /// In words.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Load => "load weights",
+            Self::Encode => "encode",
+            Self::Decode => "decode",
+            Self::Heads => "points and descriptors",
+            Self::Match => "match",
+        }
+    }
+}
+
+/// How far a part of the work is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// The part.
+    pub step: Step,
+    /// Pieces of it that are done.
+    pub done: usize,
+    /// All of its pieces.
+    pub of: usize,
+}
+
+/// What a predictor is made of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct About {
+    /// The checkpoint's file name.
+    pub checkpoint: String,
+    /// Its family.
+    pub family: &'static str,
+    /// Parameters of its network.
+    pub parameters: usize,
+    /// Licence of the weights, where the file states it.
+    pub license: Option<String>,
+    /// What runs it.
+    pub executor: String,
+    /// Whether it matches; if not, a pose comes from points only.
+    pub has_descriptors: bool,
+    /// What was assumed while reading the checkpoint, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl About {
+    /// Of a checkpoint and what would run it; nothing is loaded.
+    pub fn new(checkpoint: &Checkpoint, executor: Executor) -> Self {
+        let has_descriptors = checkpoint.config().descriptor_dim.is_some();
+        let mut notes = checkpoint.notes().to_vec();
+        if !has_descriptors {
+            notes
+                .push("it has no descriptors: there are no matches, and a pose comes from its points".into());
+        }
+        let name = checkpoint.path().file_name();
+        Self {
+            checkpoint: name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+            family: checkpoint.family().name(),
+            parameters: checkpoint.layout().num_parameters(),
+            license: checkpoint.license().map(str::to_owned),
+            executor: executor.describe(),
+            has_descriptors,
+            notes,
+        }
+    }
+
+    /// In one line.
+    pub fn sentence(&self) -> String {
+        let license = self.license.as_deref().unwrap_or("not stated");
+        let Self { checkpoint, family, parameters, executor, .. } = self;
+        format!("{executor}: {family} `{checkpoint}`, {parameters} parameters, licence: {license}")
+    }
+}
+
+/// A network that is ready to look at pictures.
+pub struct Predictor {
+    loaded: Loaded,
+    options: PredictOptions,
+    about: About,
+}
+
+/// A view that is encoded: for any number of pairs.
+#[derive(Debug, Clone)]
+pub struct EncodedView {
+    camera: Camera,
+    plan: Plan,
+    encoding: Encoding,
+    is_blank: bool,
+    notes: Vec<String>,
+}
+
+/// What a network says of two views.
+#[derive(Debug, Clone)]
+pub struct Predicted {
+    /// Points and matches on the pictures' grids, for [`selenograph_reconstruct::pipeline::reconstruct_learned`] and
+    /// [`selenograph_reconstruct::learned::solve`].
+    pub input: LearnedInput,
+    /// What was done to either picture, in sentences.
+    pub notes: [Vec<String>; 2],
+}
+
+impl Predictor {
+    /// Reads a checkpoint and packs its weights.
+    ///
+    /// # Errors
+    /// As [`Predictor::new`].
+    pub fn open(path: &Path, heads: HeadCounts, options: &PredictOptions) -> Result<Self, Error> {
+        Self::new(&Checkpoint::open_with(path, heads)?, options, &mut |_| {})
+    }
+
+    /// Packs the weights of a checkpoint; `progress` is told of every tensor.
+    ///
+    /// # Errors
+    /// [`Error::Network`] for tensors that are missing or of another shape, by name; [`Error::NoPoints`] for a network without heads;
+    /// [`Error::NoDescriptors`] where dense matches are asked for of one that does not match.
+    pub fn new(
+        checkpoint: &Checkpoint,
+        options: &PredictOptions,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, Error> {
+        let (path, family) = (checkpoint.path().to_owned(), checkpoint.family());
+        if family == Family::Croco {
+            return Err(Error::NoPoints { path, family: family.name() });
+        }
+        let about = About::new(checkpoint, options.executor);
+        if options.density == Density::Dense && !about.has_descriptors {
+            return Err(Error::NoDescriptors { path, family: family.name() });
+        }
+        checkpoint.check_complete()?;
+        let loaded = Loaded::new(checkpoint, options.executor, progress)?;
+        Ok(Self { loaded, options: options.clone(), about })
+    }
+
+    /// What it is made of.
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// How it is run and matched.
+    pub fn options(&self) -> &PredictOptions {
+        &self.options
+    }
+
+    /// What it says of two views. With [`FocalKnowledge::Guessed`] the cameras' focal lengths are replaced by those that the
+    /// points imply, one for both pictures if they have one size.
+    ///
+    /// # Errors
+    /// [`Error::Network`] for a picture below one patch.
+    pub fn predict(
+        &self,
+        views: &[View; 2],
+        focal: FocalKnowledge,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Predicted, Error> {
+        let encoded = self.encode(&views.each_ref(), progress)?;
+        self.predict_encoded([&encoded[0], &encoded[1]], focal, progress)
+    }
+
+    /// Encodes views, together.
+    ///
+    /// # Errors
+    /// [`Error::Network`] for a picture below one patch.
+    pub fn encode(
+        &self,
+        views: &[&View],
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Vec<EncodedView>, Error> {
+        let patch_px = self.loaded.config().patch_px;
+        let inputs: Vec<Input> = views
+            .iter()
+            .map(|view| picture::input(&view.image, self.options.input, patch_px))
+            .collect::<Result<_, _>>()?;
+        let values: Vec<Vec<f32>> = inputs.iter().map(|input| input.image.to_input()).collect();
+        let images: Vec<Image<'_>> = inputs
+            .iter()
+            .zip(&values)
+            .map(|(input, values)| Image {
+                height_px: input.image.height(),
+                width_px: input.image.width(),
+                values,
+            })
+            .collect();
+        let encodings = self.loaded.encode(&images, progress)?;
+        let all = encodings.into_iter().zip(inputs).zip(views);
+        Ok(all
+            .map(|((encoding, input), view)| EncodedView {
+                camera: view.camera.clone(),
+                plan: input.plan,
+                encoding,
+                is_blank: input.is_blank,
+                notes: input.notes,
+            })
+            .collect())
+    }
+
+    /// What it says of two views that are encoded.
+    ///
+    /// # Errors
+    /// [`Error::Engine`] for encodings of another network.
+    pub fn predict_encoded(
+        &self,
+        [a, b]: [&EncodedView; 2],
+        focal: FocalKnowledge,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Predicted, Error> {
+        let cameras = [a.camera.clone(), b.camera.clone()];
+        let notes = [a.notes.clone(), b.notes.clone()];
+        let match_px = (pixel_side(&a.plan) * pixel_side(&b.plan)).sqrt();
+        if a.is_blank || b.is_blank {
+            // A network has an answer to blank paper too.
+            let learned = Learned { pointmaps: None, matches: Vec::new(), dense_matches: None, match_px };
+            let focal = assumed(&cameras, focal);
+            return Ok(Predicted { input: LearnedInput { learned, cameras, focal }, notes });
+        }
+        let both_ways = self.options.passes == Passes::Symmetric || focal == FocalKnowledge::Guessed;
+        let (forward, backward) = self.decode([a, b], both_ways, progress)?;
+        let (cameras, focal) = match (&backward, focal) {
+            (Some(backward), FocalKnowledge::Guessed) => {
+                implied_cameras(cameras, [&forward[0], &backward[0]], [&a.plan, &b.plan])
+            }
+            (_, known) => {
+                let focal = assumed(&cameras, known);
+                (cameras, focal)
+            }
+        };
+        let (matches, dense_matches) = if self.about.has_descriptors {
+            progress(Progress { step: Step::Match, done: 0, of: 1 });
+            let backward = backward.as_ref().filter(|_| self.options.passes == Passes::Symmetric);
+            let found = matches::find(&forward, backward, [&a.plan, &b.plan], &self.options)?;
+            progress(Progress { step: Step::Match, done: 1, of: 1 });
+            (found.published, found.dense)
+        } else {
+            (Vec::new(), None)
+        };
+        let mode = self.loaded.config().confidence;
+        let maps = [grid::pointmap(&forward[0], &a.plan, mode), grid::pointmap(&forward[1], &b.plan, mode)];
+        let learned = Learned { pointmaps: Some(maps), matches, dense_matches, match_px };
+        Ok(Predicted { input: LearnedInput { learned, cameras, focal }, notes })
+    }
+
+    /// Outputs in the frame of A and, where asked for, in that of B; without padding.
+    fn decode(
+        &self,
+        [a, b]: [&EncodedView; 2],
+        both_ways: bool,
+        progress: Report<'_>,
+    ) -> Result<([HeadOutput; 2], Option<[HeadOutput; 2]>), Error> {
+        let mut pairs = vec![(&a.encoding, &b.encoding)];
+        if both_ways {
+            pairs.push((&b.encoding, &a.encoding));
+        }
+        let mut outputs = self.loaded.decode(&pairs, progress)?.into_iter();
+        let mut next = |first: &Plan, second: &Plan| {
+            outputs.next().map(|[x, y]| [grid::without_padding(x, first), grid::without_padding(y, second)])
+        };
+        let wrong = || selenograph_engine::Error::Image {
+            what: "number of decoded pairs",
+            expected: pairs.len().to_string(),
+            found: "0".into(),
+        };
+        let forward = next(&a.plan, &b.plan).ok_or_else(wrong)?;
+        Ok((forward, next(&b.plan, &a.plan)))
+    }
+}
+
+/// Side of a pixel of the input in pixels of the picture.
+fn pixel_side(plan: &Plan) -> f64 {
+    plan.source[0] as f64 / plan.resized[0] as f64
+}
+
+fn assumed(cameras: &[Camera; 2], focal: FocalKnowledge) -> FocalSource {
+    match focal {
+        FocalKnowledge::Known => FocalSource::Known,
+        FocalKnowledge::Guessed => {
+            FocalSource::Assumed { focal_px: cameras[0].fx, fov_deg: cameras[0].fov_x_rad().to_degrees() }
+        }
+    }
+}
+
+/// Cameras with the focal lengths that each view's points in its own frame imply; the guessed ones if those are none.
+fn implied_cameras(
+    cameras: [Camera; 2],
+    own: [&HeadOutput; 2],
+    plans: [&Plan; 2],
+) -> ([Camera; 2], FocalSource) {
+    let [focal_a, focal_b] = [0, 1].map(|k| {
+        let (camera, plan) = (&cameras[k], plans[k]);
+        let principal = plan.input_from_source(camera.cx, camera.cy).map(pixel::sample_position);
+        focal_of_pointmap(&own[k].points, own[k].width_px, principal)
+            .map(|focal| focal * pixel_side(plan))
+            .filter(|focal| FOCAL_WIDTHS.contains(&(focal / camera.width.max(camera.height) as f64)))
+    });
+    let (Some(focal_a), Some(focal_b)) = (focal_a, focal_b) else {
+        let source = assumed(&cameras, FocalKnowledge::Guessed);
+        return (cameras, source);
+    };
+    let [a, b] = &cameras;
+    // Nothing says that two pictures of one size have two cameras.
+    let focal_px = if (a.width, a.height) == (b.width, b.height) {
+        [(focal_a * focal_b).sqrt(); 2]
+    } else {
+        [focal_a, focal_b]
+    };
+    let with = |k: usize| Camera { fx: focal_px[k], fy: focal_px[k], ..cameras[k].clone() };
+    ([with(0), with(1)], FocalSource::Pointmaps { focal_px })
+}

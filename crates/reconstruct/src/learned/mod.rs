@@ -1,0 +1,349 @@
+//! What a network says of two pictures, or any matcher, as plain arrays, into a pose and points in one unit.
+//!
+//! Everything is on the full pictures' pixel grids. Who makes the arrays is not known here.
+
+mod length;
+mod located;
+mod surface;
+
+use crate::Error;
+use crate::judge::Judge;
+use crate::pipeline::{PoseSource, Warning};
+use crate::prediction::Prediction;
+use crate::priors::KnownPose;
+use crate::relative_pose::{PairMatch, mean_focal_px};
+use crate::triangulate::matched;
+use selenograph_geometry::{CamA, CamB, Camera, Point2, Point3, Rigid3};
+use selenograph_pose::relative::{CannotSay, RelativeOptions, RelativePose};
+use selenograph_raster::Raster;
+use serde::{Deserialize, Serialize};
+
+/// Points of one view, pixel by pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pointmap {
+    /// In the axes and origin of camera A, in the network's unit; NaN where there is none.
+    pub points: Raster<[f32; 3]>,
+    /// In `[0, 1]`; 0 where there is no point.
+    pub confidence: Raster<f32>,
+}
+
+/// A place that a matcher found in both pictures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LearnedMatch {
+    /// In picture A, pixels from its corner.
+    pub a: Point2<f64>,
+    /// In picture B.
+    pub b: Point2<f64>,
+    /// Higher is better; only the order is used.
+    pub score: f64,
+}
+
+/// What a network or matcher says of two pictures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learned {
+    /// Points of A and of B, both in the frame of A; `None` for a matcher.
+    pub pointmaps: Option<[Pointmap; 2]>,
+    /// Matches for the pose; none for a network that does not match.
+    pub matches: Vec<LearnedMatch>,
+    /// Matches of as many pixels as have one, where they were asked for.
+    pub dense_matches: Option<Vec<LearnedMatch>>,
+    /// Side of a matched pixel in pixels of the pictures: above 1 for pictures that were made smaller.
+    pub match_px: f64,
+}
+
+/// Where the relative pose comes from, unless it is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PoseFrom {
+    /// From the matches: essential matrix, refined; where they do not tell, from the points if those are sure.
+    #[default]
+    Matches,
+    /// From the points of B: the pose from which they look as picture B has them.
+    Points,
+    /// From nothing: the points stand without a pose.
+    Nothing,
+}
+
+/// Which points are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PointsFrom {
+    /// The network's own.
+    #[default]
+    Network,
+    /// Those in which the rays of dense matches meet.
+    Triangulated,
+}
+
+/// How pose and points follow from the arrays.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearnedOptions {
+    /// Where the pose comes from.
+    pub pose: PoseFrom,
+    /// Which points are given.
+    pub points: PointsFrom,
+    /// Largest Sampson distance of an inlier, matched pixels.
+    pub threshold_px: f64,
+    /// Largest reprojection error of a point that agrees with a pose, matched pixels.
+    pub reprojection_px: f64,
+    /// Points below this confidence do not take part in a pose.
+    pub min_confidence: f32,
+    /// Seed of the random samples.
+    pub seed: u64,
+}
+
+impl Default for LearnedOptions {
+    fn default() -> Self {
+        Self {
+            pose: PoseFrom::Matches,
+            points: PointsFrom::Network,
+            threshold_px: 1.0,
+            // The reference's own, and its confidence of 3 of `1 + exp(x)`, mapped to `[0, 1]`.
+            reprojection_px: 5.0,
+            min_confidence: 2.0 / 3.0,
+            seed: 0,
+        }
+    }
+}
+
+/// Pose and points, and what they rest on.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// Pose and points in one unit: the network's, that of a given pose, or the baseline. Points may stand without a pose.
+    pub prediction: Prediction,
+    /// Where the pose comes from; `None` where there is none.
+    pub source: Option<PoseSource>,
+    /// The matches with what the pose leaves of them.
+    pub matches: Vec<PairMatch>,
+    /// What must be said.
+    pub warnings: Vec<Warning>,
+}
+
+/// Pose and points of a pair.
+///
+/// # Errors
+/// [`Error::SizeMismatch`] for pointmaps of another size than their pictures; [`Error::Undetermined`] where the points cannot be
+/// brought into the unit of a given pose, and where points are to be triangulated without dense matches.
+pub fn solve(
+    cameras: [&Camera; 2],
+    learned: &Learned,
+    known: Option<&KnownPose>,
+    options: &LearnedOptions,
+) -> Result<Solved, Error> {
+    check(cameras, learned)?;
+    let problem = Problem { cameras, learned, options };
+    match known {
+        Some(known) => problem.with_given(known),
+        None => problem.with_estimated(),
+    }
+}
+
+/// The relative pose that the matches tell, refined.
+///
+/// # Errors
+/// [`CannotSay`], with the reason.
+pub fn pose_of_matches(
+    cameras: [&Camera; 2],
+    matches: &[LearnedMatch],
+    threshold_px: f64,
+    seed: u64,
+) -> Result<RelativePose, CannotSay> {
+    let options = RelativeOptions {
+        threshold: threshold_px / mean_focal_px(cameras),
+        seed,
+        ..RelativeOptions::default()
+    };
+    selenograph_pose::relative::estimate(&on_plane(cameras, matches), &options)
+}
+
+fn on_plane(cameras: [&Camera; 2], matches: &[LearnedMatch]) -> Vec<selenograph_pose::relative::Match> {
+    let outside = Point2::new(f64::NAN, f64::NAN);
+    let place =
+        |k: usize, at: &Point2<f64>| cameras[k].ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
+    let one = |m: &LearnedMatch| selenograph_pose::relative::Match {
+        a: place(0, &m.a),
+        b: place(1, &m.b),
+        score: m.score,
+    };
+    matches.iter().map(one).collect()
+}
+
+fn check(cameras: [&Camera; 2], learned: &Learned) -> Result<(), Error> {
+    let Some(pointmaps) = &learned.pointmaps else { return Ok(()) };
+    for (camera, map) in cameras.into_iter().zip(pointmaps) {
+        let size = (camera.width, camera.height);
+        for found in [(map.points.width, map.points.height), (map.confidence.width, map.confidence.height)] {
+            if found != size {
+                return Err(Error::SizeMismatch {
+                    what: "pointmap",
+                    expected: format!("{}×{}", size.0, size.1),
+                    found: format!("{}×{}", found.0, found.1),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The arrays with everything that does not change on the way.
+struct Problem<'a> {
+    cameras: [&'a Camera; 2],
+    learned: &'a Learned,
+    options: &'a LearnedOptions,
+}
+
+impl Problem<'_> {
+    fn threshold_px(&self) -> f64 {
+        self.options.threshold_px * self.learned.match_px
+    }
+
+    fn judged(
+        &self,
+        matches: &[LearnedMatch],
+        pose: &Rigid3<CamB, CamA>,
+        tolerance_px: f64,
+    ) -> Vec<PairMatch> {
+        let judge = Judge::new(pose, self.cameras, tolerance_px);
+        matches.iter().map(|m| judge.judged(m.a, m.b, None)).collect()
+    }
+
+    fn with_given(&self, known: &KnownPose) -> Result<Solved, Error> {
+        let pose = known.cam_b_from_cam_a;
+        let tolerance_px = crate::pipeline::GIVEN_TOLERANCE_PX * self.learned.match_px;
+        let matches = self.judged(&self.learned.matches, &pose, tolerance_px);
+        let source = PoseSource::given(&matches);
+        let mut warnings: Vec<Warning> = source.warning().into_iter().collect();
+        let views = match self.options.points {
+            PointsFrom::Triangulated => Some(self.triangulated(&pose, tolerance_px)?),
+            PointsFrom::Network => match &self.learned.pointmaps {
+                None => None,
+                Some(maps) => {
+                    let measured = self.length(maps, &pose, &matches);
+                    // Without matches the pose that the points imply has a length in their unit too.
+                    let ratio = match measured {
+                        Some(measured) => {
+                            warnings.extend(measured.warning());
+                            measured.ratio
+                        }
+                        None => {
+                            let located = located::locate(maps, self).map_err(|why| Error::Undetermined {
+                                what: "size of the network's points",
+                                why: format!("neither its matches nor its points fit the given pose ({why})"),
+                            })?;
+                            located.cam_b_from_cam_a.origin().coords.norm() / pose.origin().coords.norm()
+                        }
+                    };
+                    Some(surface::views(maps, 1.0 / ratio, Some(&pose), self.cameras))
+                }
+            },
+        };
+        let prediction = Prediction { cam_b_from_cam_a: Ok(pose), views };
+        Ok(Solved { prediction, source: Some(source), matches, warnings })
+    }
+
+    fn with_estimated(&self) -> Result<Solved, Error> {
+        let mut warnings = Vec::new();
+        let (pose, source) = match self.estimated(&mut warnings) {
+            Ok(found) => found,
+            Err(why) => {
+                // The points are the network's answer whether or not a pose comes with them.
+                let views =
+                    self.learned.pointmaps.as_ref().filter(|_| self.options.points == PointsFrom::Network);
+                let views = views.map(|maps| surface::views(maps, 1.0, None, self.cameras));
+                let matches = self.learned.matches.iter().map(|m| PairMatch::unjudged(m.a, m.b)).collect();
+                let prediction = Prediction { cam_b_from_cam_a: Err(why), views };
+                return Ok(Solved { prediction, source: None, matches, warnings });
+            }
+        };
+        let matches = self.judged(&self.learned.matches, &pose, self.threshold_px());
+        let (pose, views) = match (self.options.points, &self.learned.pointmaps) {
+            (PointsFrom::Triangulated, _) => (pose, Some(self.triangulated(&pose, self.threshold_px())?)),
+            (PointsFrom::Network, None) => (pose, None),
+            (PointsFrom::Network, Some(maps)) => {
+                let pose = match &source {
+                    PoseSource::Estimated(_) => self.in_unit_of(maps, &pose, &matches, &mut warnings),
+                    _ => pose,
+                };
+                let views = surface::views(maps, 1.0, Some(&pose), self.cameras);
+                (pose, Some(views))
+            }
+        };
+        let prediction = Prediction { cam_b_from_cam_a: Ok(pose), views };
+        Ok(Solved { prediction, source: Some(source), matches, warnings })
+    }
+
+    /// The pose with its translation in the points' unit.
+    fn in_unit_of(
+        &self,
+        maps: &[Pointmap; 2],
+        pose: &Rigid3<CamB, CamA>,
+        matches: &[PairMatch],
+        warnings: &mut Vec<Warning>,
+    ) -> Rigid3<CamB, CamA> {
+        // Every inlier lies in front of both cameras, so that there are ratios.
+        let Some(measured) = self.length(maps, pose, matches) else { return *pose };
+        warnings.extend(measured.warning());
+        let [w, x, y, z] = pose.quaternion_wxyz();
+        Rigid3::from_quaternion(w, x, y, z, Point3::from(pose.origin().coords * measured.ratio))
+    }
+
+    fn length(
+        &self,
+        maps: &[Pointmap; 2],
+        pose: &Rigid3<CamB, CamA>,
+        matches: &[PairMatch],
+    ) -> Option<length::Measured> {
+        length::measure(maps, pose, self.cameras, matches)
+    }
+
+    fn estimated(&self, warnings: &mut Vec<Warning>) -> Result<(Rigid3<CamB, CamA>, PoseSource), CannotSay> {
+        let maps = self.learned.pointmaps.as_ref();
+        match self.options.pose {
+            PoseFrom::Nothing => Err(CannotSay::TooFewMatches { found: 0, needed: 0 }),
+            PoseFrom::Points => {
+                let located = maps.map_or(Err(located::NONE), |maps| located::locate(maps, self))?;
+                Ok((located.cam_b_from_cam_a, located.source()))
+            }
+            PoseFrom::Matches => {
+                let found = pose_of_matches(
+                    self.cameras,
+                    &self.learned.matches,
+                    self.threshold_px(),
+                    self.options.seed,
+                );
+                match (found, maps) {
+                    (Ok(found), _) => Ok((found.cam_b_from_cam_a, PoseSource::Estimated(Box::new(found)))),
+                    // Without parallax the points have no better answer: they only look as if they had.
+                    (Err(why @ CannotSay::NoParallax { .. }), _) | (Err(why), None) => Err(why),
+                    (Err(why), Some(maps)) => {
+                        let Ok(located) = located::locate(maps, self) else { return Err(why) };
+                        warnings.push(Warning::PoseFromPoints { why: why.to_string() });
+                        Ok((located.cam_b_from_cam_a, located.source()))
+                    }
+                }
+            }
+        }
+    }
+
+    /// Points in which the rays of dense matches meet, in the unit of the pose.
+    fn triangulated(
+        &self,
+        pose: &Rigid3<CamB, CamA>,
+        tolerance_px: f64,
+    ) -> Result<[crate::PredictedView; 2], Error> {
+        let dense = self.learned.dense_matches.as_ref().ok_or_else(|| Error::Undetermined {
+            what: "triangulated points",
+            why: "there are no dense matches".into(),
+        })?;
+        let mut judged = self.judged(dense, pose, tolerance_px);
+        let sigma_px = surface::sigma_px(&judged, self.learned.match_px);
+        for m in &mut judged {
+            m.sigma_px = Some(sigma_px);
+        }
+        Ok(matched(self.cameras, pose, &judged))
+    }
+}
+
+#[cfg(test)]
+mod tests;
