@@ -3,7 +3,9 @@
 //! The folder layout and every file of it are described in `docs/formats.md`.
 #![forbid(unsafe_code)]
 
+pub mod augment;
 pub mod check;
+pub mod correspondence;
 pub mod covisibility;
 pub mod error;
 pub mod export;
@@ -14,6 +16,7 @@ pub mod pair;
 pub mod photometric;
 pub mod plan;
 pub mod rng;
+pub mod sample;
 pub mod sheet;
 pub mod split;
 

@@ -4,13 +4,12 @@
 //! middle to whole patches, squares to 4:3. [`Rule::Whole`] keeps all of the picture, the square too; what is no whole
 //! number of patches is refused or padded, never cut.
 
-mod resize;
-
-pub use resize::{Filter, resize};
+pub use selenograph_raster::resample::pillow::Filter;
 
 use crate::Error;
 use selenograph_geometry::{Camera, pixel};
 use selenograph_raster::Raster;
+use selenograph_raster::resample::pillow;
 use serde::{Deserialize, Serialize};
 
 /// The size for which the published rule makes a square by another way.
@@ -20,12 +19,7 @@ const HALF_RANGE: f32 = 127.5;
 
 /// A colour picture of 8 bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rgb8 {
-    width: usize,
-    height: usize,
-    /// Row by row, red, green and blue of each pixel.
-    data: Vec<u8>,
-}
+pub struct Rgb8(Raster<[u8; 3]>);
 
 impl Rgb8 {
     /// Of `width · height · 3` bytes, row by row.
@@ -38,7 +32,7 @@ impl Rgb8 {
             let expected = format!("three bytes for each pixel, found {} bytes", data.len());
             return Err(Error::Picture { width, height, expected });
         }
-        Ok(Self { width, height, data })
+        Ok(Self(Raster { width, height, data: data.as_chunks().0.to_vec() }))
     }
 
     /// Of grey levels from 0 to 1; absent ones (NaN) become black, as in the files they come from.
@@ -53,24 +47,24 @@ impl Rgb8 {
 
     /// Width, pixels.
     pub fn width(&self) -> usize {
-        self.width
+        self.0.width
     }
 
     /// Height, pixels.
     pub fn height(&self) -> usize {
-        self.height
+        self.0.height
     }
 
     /// The bytes, row by row, red, green and blue of each pixel.
     pub fn data(&self) -> &[u8] {
-        &self.data
+        self.0.data.as_flattened()
     }
 
     /// What a network is given: red, green and blue planes, row by row, from −1 (black) to 1 (white).
     pub fn to_input(&self) -> Vec<f32> {
-        let area = self.width * self.height;
+        let area = self.0.data.len();
         let mut planes = vec![0.0; 3 * area];
-        for (idx, pixel) in self.data.as_chunks::<3>().0.iter().enumerate() {
+        for (idx, pixel) in self.0.data.iter().enumerate() {
             for (channel, value) in pixel.iter().enumerate() {
                 planes[channel * area + idx] = f32::from(*value) / HALF_RANGE - 1.0;
             }
@@ -169,20 +163,11 @@ impl Plan {
     /// # Errors
     /// [`Error::Picture`] for a picture of another size.
     pub fn apply(&self, picture: &Rgb8) -> Result<Rgb8, Error> {
-        self.check_source(picture.width, picture.height)?;
-        let resized = resize(picture, self.resized[0], self.resized[1], self.filter);
+        self.check_source(picture.width(), picture.height())?;
+        let resized = pillow::resize(&picture.0, self.resized[0], self.resized[1], self.filter);
         let [width, height] = self.input;
-        let mut data = Vec::with_capacity(width * height * 3);
-        for y in 0..height {
-            let from_y = self.origin[1] + y.min(self.kept[1] - 1);
-            let start = (from_y * resized.width + self.origin[0]) * 3;
-            let row = &resized.data[start..start + self.kept[0] * 3];
-            data.extend_from_slice(row);
-            for _ in self.kept[0]..width {
-                data.extend_from_slice(&row[row.len() - 3..]);
-            }
-        }
-        Ok(Rgb8 { width, height, data })
+        let kept = |side: usize, value: usize| self.origin[side] + value.min(self.kept[side] - 1);
+        Ok(Rgb8(Raster::from_fn(width, height, |x, y| resized[(kept(0, x), kept(1, y))])))
     }
 
     /// The camera of the input.

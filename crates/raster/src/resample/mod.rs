@@ -1,4 +1,6 @@
-//! Values between and over pixels, absent ones (NaN) respected.
+//! Values between and over pixels, absent ones (NaN) respected; pictures in another size.
+
+pub mod pillow;
 
 use crate::Raster;
 use selenograph_geometry::pixel;

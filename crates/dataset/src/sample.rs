@@ -1,0 +1,185 @@
+//! What a trainer is fed: two views with their truth as plain arrays, and pixels that belong together.
+
+use crate::correspondence::Matches;
+use crate::pair::ViewName;
+use nalgebra::Point2;
+use selenograph_geometry::{BodyFixed, Cam, Camera, Rigid3, pixel};
+use selenograph_raster::Raster;
+
+/// What is true of a view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewTruth {
+    /// Distance along the optical axis, metres: NaN where it is not known, +∞ where the pixel sees sky.
+    pub depth_z: Raster<f32>,
+    /// The pose, metres.
+    pub world_from_cam: Rigid3<BodyFixed, Cam>,
+}
+
+impl ViewTruth {
+    /// Whether a pixel sees ground at a known distance.
+    pub fn is_valid(&self, idx: usize) -> bool {
+        let depth_z = self.depth_z.data[idx];
+        depth_z > 0.0 && depth_z.is_finite()
+    }
+
+    /// Whether a pixel sees sky.
+    pub fn is_sky(&self, idx: usize) -> bool {
+        self.depth_z.data[idx] == f32::INFINITY
+    }
+}
+
+/// One view of a training pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainingView {
+    /// The picture as a network is given it, before it is scaled to −1 … 1.
+    pub rgb: Raster<[u8; 3]>,
+    /// The camera of these pixels.
+    pub camera: Camera,
+    /// Depth and pose; `None` in a pair that has no truth.
+    pub truth: Option<ViewTruth>,
+}
+
+/// Where a sample comes from: enough to make it again.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Provenance {
+    /// Name of the source.
+    pub source: String,
+    /// Number of the pair in its source.
+    pub pair_id: u64,
+    /// Number of the sample since the start of training; with the seed it decides everything random.
+    pub position: u64,
+    /// Which light each view was taken under.
+    pub lights: [usize; 2],
+}
+
+/// Two views of the same ground, ready to learn from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainingPair {
+    /// A and B, of the same size.
+    pub views: [TrainingView; 2],
+    /// Pixels of A and of B that see the same ground, and some that do not; empty without truth.
+    pub matches: Matches,
+    /// Whether a network is asked for metres; otherwise its scale is free.
+    pub is_metric: bool,
+    /// Where the pair comes from.
+    pub provenance: Provenance,
+}
+
+impl TrainingPair {
+    /// A view.
+    pub fn view(&self, name: ViewName) -> &TrainingView {
+        &self.views[name as usize]
+    }
+
+    /// Whether depth and pose of both views are known.
+    pub fn has_truth(&self) -> bool {
+        self.views.iter().all(|view| view.truth.is_some())
+    }
+
+    /// The ground that each pixel of `of` sees, in the camera frame of `in_frame`, metres; rows first. NaN where the
+    /// depth is not known and where the pixel sees sky; `None` without truth.
+    ///
+    /// The world drops out in f64 first, so that its large coordinates cost no digits.
+    pub fn points(&self, of: ViewName, in_frame: ViewName) -> Option<Vec<[f32; 3]>> {
+        let (view, frame) = (self.view(of), self.view(in_frame));
+        let (truth, other) = (view.truth.as_ref()?, frame.truth.as_ref()?);
+        let motion: Rigid3<Cam, Cam> = &other.world_from_cam.inverse() * &truth.world_from_cam;
+        let width = view.camera.width;
+        let point = |idx: usize| {
+            let center = Point2::new(pixel::center_of(idx % width), pixel::center_of(idx / width));
+            let depth_z = f64::from(truth.depth_z.data[idx]);
+            let in_cam = view.camera.unproject(&center, depth_z).filter(|_| truth.is_valid(idx));
+            in_cam.map_or([f32::NAN; 3], |p| {
+                // A frame's own points are exact: no rotation that would only round.
+                let p = if of == in_frame { p } else { motion.point(&p) };
+                [p.x as f32, p.y as f32, p.z as f32]
+            })
+        };
+        Some((0..truth.depth_z.data.len()).map(point).collect())
+    }
+
+    /// Unit normals of the ground that each pixel of `of` sees, in the camera frame of `in_frame`, pointing to the camera
+    /// that sees them; from the points of the four neighbours. NaN where one of them is missing, and at the border.
+    pub fn normals(&self, of: ViewName, in_frame: ViewName) -> Option<Vec<[f32; 3]>> {
+        let points = self.points(of, in_frame)?;
+        let (width, height) = (self.view(of).camera.width, self.view(of).camera.height);
+        let seen_from = if of == in_frame {
+            nalgebra::Vector3::zeros()
+        } else {
+            let truths = (self.view(of).truth.as_ref()?, self.view(in_frame).truth.as_ref()?);
+            (truths.1.world_from_cam.inverse().point(&truths.0.world_from_cam.origin())).coords
+        };
+        let at = |idx: usize| nalgebra::Vector3::from(points[idx].map(f64::from));
+        let normal = |idx: usize| {
+            let (x, y) = (idx % width, idx / width);
+            if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+                return [f32::NAN; 3];
+            }
+            // X right and Y down: their cross product points away from the camera.
+            let across = (at(idx + width) - at(idx - width)).cross(&(at(idx + 1) - at(idx - 1)));
+            let towards = across.dot(&(seen_from - at(idx))).signum();
+            (across.normalize() * towards).map(|v| v as f32).into()
+        };
+        Some((0..points.len()).map(normal).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::synthetic::oblique_pair;
+
+    fn training_pair(side: usize) -> TrainingPair {
+        let views = oblique_pair(side).map(|view| TrainingView {
+            rgb: Raster::filled(side, side, [0; 3]),
+            camera: view.camera,
+            truth: Some(ViewTruth { depth_z: view.depth_z, world_from_cam: view.world_from_cam }),
+        });
+        TrainingPair {
+            views,
+            matches: Matches::default(),
+            is_metric: true,
+            provenance: Provenance::default(),
+        }
+    }
+
+    #[test]
+    fn points_of_either_view_lie_on_one_ground() {
+        let mut pair = training_pair(48);
+        let own = pair.points(ViewName::B, ViewName::B).unwrap();
+        let in_a = pair.points(ViewName::B, ViewName::A).unwrap();
+        let world = pair.view(ViewName::B).truth.as_ref().unwrap().world_from_cam;
+        let into_a = pair.view(ViewName::A).truth.as_ref().unwrap().world_from_cam.inverse();
+        for (own, in_a) in own.iter().zip(&in_a) {
+            let expected = into_a.point(&world.point(&own.map(f64::from).into()));
+            let error = (expected.coords - nalgebra::Vector3::from(in_a.map(f64::from))).norm();
+            // Single precision at 30 km.
+            assert!(error < 0.01, "{error}");
+        }
+        let truth = pair.views[0].truth.as_mut().unwrap();
+        (truth.depth_z.data[5], truth.depth_z.data[6]) = (f32::INFINITY, f32::NAN);
+        assert!(truth.is_sky(5) && !truth.is_valid(5) && !truth.is_valid(6) && truth.is_valid(7));
+        let points = pair.points(ViewName::A, ViewName::B).unwrap();
+        assert!(points[5][0].is_nan() && points[6][2].is_nan() && points[7][1].is_finite());
+        pair.views[1].truth = None;
+        assert!(!pair.has_truth() && pair.points(ViewName::A, ViewName::B).is_none());
+    }
+
+    #[test]
+    fn normals_face_the_camera_that_sees_them() {
+        let pair = training_pair(48);
+        let points = pair.points(ViewName::B, ViewName::B).unwrap();
+        let normals = pair.normals(ViewName::B, ViewName::B).unwrap();
+        let turned = pair.normals(ViewName::B, ViewName::A).unwrap();
+        let truths = pair.views.each_ref().map(|view| view.truth.as_ref().unwrap());
+        let a_from_b: Rigid3<Cam, Cam> = &truths[0].world_from_cam.inverse() * &truths[1].world_from_cam;
+        assert!(normals[0][0].is_nan());
+        for idx in [100, 500, 1_200] {
+            let [point, normal, turned] =
+                [points[idx], normals[idx], turned[idx]].map(|v| nalgebra::Vector3::from(v.map(f64::from)));
+            assert!(normal.dot(&point) < 0.0 && (normal.norm() - 1.0).abs() < 1e-6);
+            // Differences of single-precision points some 500 m apart.
+            assert!((a_from_b.vector(&normal) - turned).norm() < 1e-3);
+        }
+    }
+}

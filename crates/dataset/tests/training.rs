@@ -1,0 +1,99 @@
+//! Training data against the numbers of the reference.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod goldens;
+
+use goldens::Golden;
+use selenograph_dataset::augment::{Draft, Fidelity, Turn, rescale};
+use selenograph_dataset::correspondence::{MatchPool, Sighted};
+use selenograph_geometry::PixelConvention;
+
+#[test]
+fn shared_reciprocal_correspondences() {
+    let Some(golden) = goldens::open("reciprocal correspondences", "geom.safetensors") else { return };
+    let views = [("1", 48, 36), ("2", 36, 48)].map(|(n, width, height)| {
+        let camera = golden.camera(&format!("corr.camera_intrinsics{n}"), width, height);
+        (camera, golden.truth(&format!("corr.depthmap{n}"), &format!("corr.camera_pose{n}")))
+    });
+    let [a, b] = views.each_ref().map(|(camera, truth)| Sighted { camera, truth });
+    let pool = MatchPool::reciprocal(a, b);
+    let flat = |name: &str, width: f64| -> Vec<u32> {
+        golden.get(name).chunks(2).map(|xy| (xy[0] + width * xy[1]) as u32).collect()
+    };
+    let expected: Vec<[u32; 2]> =
+        flat("corr.xy1", 48.0).into_iter().zip(flat("corr.xy2", 36.0)).map(|(a, b)| [a, b]).collect();
+    assert_eq!(pool.positives, expected);
+}
+
+/// The reference's homographies are stored in single precision.
+const STORED: f64 = 1e-5;
+
+#[test]
+fn shared_windows_become_turned_cameras() {
+    let Some(golden) = goldens::open("crop homographies", "geom.safetensors") else { return };
+    for n in 0..3 {
+        let k = golden.matrix(&format!("crop{n}.K"));
+        let size = [2.0 * k[(0, 2)], 2.0 * k[(1, 2)]].map(|side| side as usize);
+        let camera = golden.camera(&format!("crop{n}.K"), size[0], size[1]);
+        let window: [f64; 4] = golden.get(&format!("crop{n}.crop")).try_into().unwrap();
+        let target: Vec<usize> =
+            golden.get(&format!("crop{n}.imsize")).iter().map(|side| *side as usize).collect();
+        let turn = Turn::onto(&camera, window, [target[0], target[1]], Fidelity::Published).unwrap();
+        let (k_new, h) = (turn.camera.k(PixelConvention::Center), turn.source_from_target);
+        assert!((k_new - golden.matrix(&format!("crop{n}.K2"))).amax() < STORED);
+        assert!((turn.old_from_new - golden.matrix(&format!("crop{n}.R"))).amax() < STORED);
+        // Its largest entries are 40.
+        assert!((h - golden.matrix(&format!("crop{n}.H"))).amax() < STORED);
+    }
+}
+
+/// The three channels of a picture as drafts with the same camera and truth.
+fn channels(golden: &Golden) -> [Draft; 3] {
+    std::array::from_fn(|channel| Draft {
+        levels: golden.channel("aug.rgb_u8", channel),
+        camera: golden.camera("aug.K", 96, 80),
+        truth: Some(golden.truth("aug.depth", "aug.pose")),
+    })
+}
+
+/// Grey levels that a picture may differ by.
+const LEVELS: f32 = 1.0;
+/// Single precision of a depth of 3.
+const DEPTH_Z: f32 = 1e-6;
+
+#[test]
+fn shared_window_of_one_view() {
+    let Some(golden) = goldens::open("aug_crop of one view", "preprocess.safetensors") else { return };
+    let window: [f64; 4] = golden.get("aug.crop").try_into().unwrap();
+    for (channel, draft) in channels(&golden).iter().enumerate() {
+        let turn = Turn::onto(&draft.camera, window, [64, 48], Fidelity::Published).unwrap();
+        let view = turn.apply(draft);
+        let expected = golden.channel("aug.out_rgb_u8", channel);
+        let worst =
+            view.levels.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst <= LEVELS, "{worst}");
+        let truth = view.truth.unwrap();
+        let expected = golden.truth("aug.out_depth", "aug.out_pose");
+        for (z, expected) in truth.depth_z.data.iter().zip(&expected.depth_z.data) {
+            assert!(z.is_nan() && expected.is_nan() || (z - expected).abs() < DEPTH_Z, "{z} {expected}");
+        }
+        assert!((truth.world_from_cam.rotation() - expected.world_from_cam.rotation()).amax() < STORED);
+        assert!((truth.world_from_cam.origin() - expected.world_from_cam.origin()).norm() < STORED);
+        assert!((view.camera.k(PixelConvention::Center) - golden.matrix("aug.out_K")).amax() < STORED);
+    }
+}
+
+#[test]
+fn shared_rescaling() {
+    let Some(golden) = goldens::open("rescale_image_depthmap", "preprocess.safetensors") else { return };
+    for (channel, draft) in channels(&golden).into_iter().enumerate() {
+        let view = rescale::cover(draft, [64, 48], Fidelity::Published).unwrap();
+        let expected = golden.channel("rescale.rgb_u8", channel);
+        assert_eq!((view.levels.width, view.levels.height), (64, 53));
+        let worst =
+            view.levels.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst <= LEVELS, "{worst}");
+        assert_eq!(view.truth.unwrap().depth_z.data, golden.raster("rescale.depth").data);
+        assert!((view.camera.k(PixelConvention::Center) - golden.matrix("rescale.K")).amax() < STORED);
+    }
+}
