@@ -94,6 +94,14 @@ pub enum Error {
         /// Checksum of what is there.
         found: String,
     },
+    /// A pair that cannot be used.
+    #[error("{what} cannot be used: {why}")]
+    Unusable {
+        /// Which pair, or which folder of pairs.
+        what: String,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A frame or camera that does not exist.
     #[error(transparent)]
     Geometry(#[from] selenograph_geometry::Error),

@@ -12,6 +12,7 @@ pub mod export;
 mod font;
 pub mod generate;
 pub mod import;
+pub mod loader;
 pub mod pair;
 pub mod photometric;
 pub mod plan;

@@ -97,31 +97,6 @@ impl TrainingPair {
         };
         Some((0..truth.depth_z.data.len()).map(point).collect())
     }
-
-    /// Unit normals of the ground that each pixel of `of` sees, in the camera frame of `in_frame`, pointing to the camera
-    /// that sees them; from the points of the four neighbours. NaN where one of them is missing, and at the border.
-    pub fn normals(&self, of: ViewName, in_frame: ViewName) -> Option<Vec<[f32; 3]>> {
-        let points = self.points(of, in_frame)?;
-        let (width, height) = (self.view(of).camera.width, self.view(of).camera.height);
-        let seen_from = if of == in_frame {
-            nalgebra::Vector3::zeros()
-        } else {
-            let truths = (self.view(of).truth.as_ref()?, self.view(in_frame).truth.as_ref()?);
-            (truths.1.world_from_cam.inverse().point(&truths.0.world_from_cam.origin())).coords
-        };
-        let at = |idx: usize| nalgebra::Vector3::from(points[idx].map(f64::from));
-        let normal = |idx: usize| {
-            let (x, y) = (idx % width, idx / width);
-            if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
-                return [f32::NAN; 3];
-            }
-            // X right and Y down: their cross product points away from the camera.
-            let across = (at(idx + width) - at(idx - width)).cross(&(at(idx + 1) - at(idx - 1)));
-            let towards = across.dot(&(seen_from - at(idx))).signum();
-            (across.normalize() * towards).map(|v| v as f32).into()
-        };
-        Some((0..points.len()).map(normal).collect())
-    }
 }
 
 #[cfg(test)]
@@ -163,23 +138,5 @@ mod tests {
         assert!(points[5][0].is_nan() && points[6][2].is_nan() && points[7][1].is_finite());
         pair.views[1].truth = None;
         assert!(!pair.has_truth() && pair.points(ViewName::A, ViewName::B).is_none());
-    }
-
-    #[test]
-    fn normals_face_the_camera_that_sees_them() {
-        let pair = training_pair(48);
-        let points = pair.points(ViewName::B, ViewName::B).unwrap();
-        let normals = pair.normals(ViewName::B, ViewName::B).unwrap();
-        let turned = pair.normals(ViewName::B, ViewName::A).unwrap();
-        let truths = pair.views.each_ref().map(|view| view.truth.as_ref().unwrap());
-        let a_from_b: Rigid3<Cam, Cam> = &truths[0].world_from_cam.inverse() * &truths[1].world_from_cam;
-        assert!(normals[0][0].is_nan());
-        for idx in [100, 500, 1_200] {
-            let [point, normal, turned] =
-                [points[idx], normals[idx], turned[idx]].map(|v| nalgebra::Vector3::from(v.map(f64::from)));
-            assert!(normal.dot(&point) < 0.0 && (normal.norm() - 1.0).abs() < 1e-6);
-            // Differences of single-precision points some 500 m apart.
-            assert!((a_from_b.vector(&normal) - turned).norm() < 1e-3);
-        }
     }
 }

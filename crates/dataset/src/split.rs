@@ -5,10 +5,13 @@
 //! both, and listed.
 
 use crate::Error;
+use crate::import::RawView;
 use crate::import::selenograph::read_raw_view;
 use crate::pair::{PAIR_NAME, PairRecord, ViewName, list_pairs, read_json};
 use crate::rng::rng;
+use nalgebra::Point3;
 use selenograph_geometry::{Body, Pole, Projection, pixel};
+use selenograph_render::{Hit, Tracer, View};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -214,33 +217,85 @@ pub fn footprints(dataset: &Path) -> Result<Vec<Footprint>, Error> {
     for (pair_id, folder) in list_pairs(dataset)? {
         let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
         let map = map.get_or_insert_with(|| map_for(&record.body, record.site.latitude_deg));
-        let mut bounds_m = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let mut bounds = Bounds::default();
         for view in ViewName::BOTH {
-            let (raw, _) = read_raw_view(&folder, view)?;
-            let (camera, world_from_cam) = (raw.camera()?, raw.world_from_cam()?);
-            let looked_at = |idx: usize, count: usize| idx.is_multiple_of(FOOTPRINT_STEP) || idx + 1 == count;
-            for y in (0..camera.height).filter(|&y| looked_at(y, camera.height)) {
-                for x in (0..camera.width).filter(|&x| looked_at(x, camera.width)) {
-                    let depth_z = f64::from(raw.depth_z[(x, y)]);
-                    let center = [pixel::center_of(x), pixel::center_of(y)].into();
-                    let point = camera.unproject(&center, depth_z).filter(|_| depth_z.is_finite());
-                    let Some([e, n]) = point.and_then(|p| map.map_from_point(&world_from_cam.point(&p)))
-                    else {
-                        continue;
-                    };
-                    bounds_m =
-                        [bounds_m[0].min(e), bounds_m[1].min(n), bounds_m[2].max(e), bounds_m[3].max(n)];
-                }
-            }
+            bounds.add_view(&read_raw_view(&folder, view)?.0, map)?;
         }
-        found.push(Footprint { pair_id, bounds_m });
+        found.extend(bounds.footprint(pair_id));
     }
-    // A pair that sees no ground has nothing to share.
-    found.retain(|footprint| footprint.bounds_m[0].is_finite());
     Ok(found)
 }
 
-fn map_for(body: &Body, latitude_deg: f64) -> Projection {
+/// The rectangle round points on a map.
+pub(crate) struct Bounds([f64; 4]);
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY])
+    }
+}
+
+impl Bounds {
+    fn add(&mut self, point: &Point3<f64>, map: &Projection) {
+        let [west, south, east, north] = self.0;
+        if let Some([e, n]) = map.map_from_point(point) {
+            self.0 = [west.min(e), south.min(n), east.max(e), north.max(n)];
+        }
+    }
+
+    /// The ground that a view's stored depth shows.
+    pub(crate) fn add_view(&mut self, raw: &RawView, map: &Projection) -> Result<(), Error> {
+        let (camera, world_from_cam) = (raw.camera()?, raw.world_from_cam()?);
+        for (x, y) in looked_at(camera.width, camera.height) {
+            let depth_z = f64::from(raw.depth_z[(x, y)]);
+            let center = [pixel::center_of(x), pixel::center_of(y)].into();
+            if let Some(point) = camera.unproject(&center, depth_z).filter(|_| depth_z.is_finite()) {
+                self.add(&world_from_cam.point(&point), map);
+            }
+        }
+        Ok(())
+    }
+
+    /// `None` for a pair that sees no ground: it has nothing to share.
+    pub(crate) fn footprint(&self, pair_id: u64) -> Option<Footprint> {
+        self.0[0].is_finite().then_some(Footprint { pair_id, bounds_m: self.0 })
+    }
+}
+
+/// Pixels that tell a footprint: every few, and the border.
+fn looked_at(width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
+    let taken = |idx: usize, count: usize| idx.is_multiple_of(FOOTPRINT_STEP) || idx + 1 == count;
+    let rows = (0..height).filter(move |y| taken(*y, height));
+    rows.flat_map(move |y| (0..width).filter(move |x| taken(*x, width)).map(move |x| (x, y)))
+}
+
+/// The ground that two views see of a terrain.
+pub(crate) fn footprint_of_views(
+    tracer: &Tracer<'_>,
+    views: &[View; 2],
+    map: &Projection,
+    pair_id: u64,
+) -> Option<Footprint> {
+    let mut bounds = Bounds::default();
+    for view in views {
+        for (x, y) in looked_at(view.camera.width, view.camera.height) {
+            let ray = view.direction(x, y);
+            let hit = ray.map(|ray| tracer.first_hit(view.origin(), ray, 0.0, f64::INFINITY));
+            if let Some(Hit::Surface(hit)) = hit {
+                bounds.add(&hit.point, map);
+            }
+        }
+    }
+    bounds.footprint(pair_id)
+}
+
+/// Whether two footprints on one map overlap.
+pub(crate) fn share_ground(a: &Footprint, b: &Footprint) -> bool {
+    (0..2).all(|i| a.bounds_m[i] < b.bounds_m[i + 2] && b.bounds_m[i] < a.bounds_m[i + 2])
+}
+
+/// The map on which footprints near a latitude are told.
+pub(crate) fn map_for(body: &Body, latitude_deg: f64) -> Projection {
     if latitude_deg < -60.0 {
         Projection::polar(Pole::South, body.radius_m)
     } else if latitude_deg > 60.0 {
@@ -273,10 +328,6 @@ mod tests {
             .collect()
     }
 
-    fn overlap(a: &Footprint, b: &Footprint) -> bool {
-        (0..2).all(|i| a.bounds_m[i] < b.bounds_m[i + 2] && b.bounds_m[i] < a.bounds_m[i + 2])
-    }
-
     #[test]
     fn no_ground_is_in_both_parts() {
         let footprints = scattered(400);
@@ -287,7 +338,7 @@ mod tests {
         assert!(split.left_out.len() < 100, "{}", split.left_out.len());
         for a in &split.train {
             for b in &split.val {
-                assert!(!overlap(&footprints[*a as usize], &footprints[*b as usize]), "{a} {b}");
+                assert!(!share_ground(&footprints[*a as usize], &footprints[*b as usize]), "{a} {b}");
             }
         }
         assert_eq!(split.part_of(split.val[0]), Some(Part::Val));

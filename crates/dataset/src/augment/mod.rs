@@ -131,35 +131,40 @@ impl Augmentation {
         }
     }
 
-    /// Size, window, roll and copies; levels stay as they are.
+    /// Size, window, roll and copies, and whether B is a copy of A; levels stay as they are. Views that are shaped already
+    /// keep size, window and roll.
     ///
     /// # Errors
     /// [`Error::Geometry`] for sizes and cameras that cannot be.
     pub fn reshape(
         &self,
         mut drafts: [Draft; 2],
+        is_shaped: bool,
         target: [usize; 2],
         seed: u64,
         position: u64,
-    ) -> Result<[Draft; 2], Error> {
+    ) -> Result<([Draft; 2], bool), Error> {
         if let Some(quantile) = self.far_quantile {
             drafts.iter_mut().for_each(|draft| draft.drop_far(quantile));
         }
-        let mut stream = rng(seed, "sample", position, "windows");
-        let windows = match self.windows {
-            Windows::Matched => Some(crop::choose([&drafts[0], &drafts[1]], target, &mut stream)),
-            Windows::Middle => None,
-        };
-        let [a, b] = drafts;
-        let a =
-            self.reshape_view(a, windows.map(|w| w[0]), target, rng(seed, "sample", position, "roll a"))?;
-        let mut monocular = rng(seed, "sample", position, "monocular");
-        let b = if monocular.unit() < self.monocular_share {
-            a.clone()
-        } else {
-            self.reshape_view(b, windows.map(|w| w[1]), target, rng(seed, "sample", position, "roll b"))?
-        };
-        Ok([a, b])
+        let is_copy = rng(seed, "sample", position, "monocular").unit() < self.monocular_share;
+        if !is_shaped {
+            let mut stream = rng(seed, "sample", position, "windows");
+            let windows = match self.windows {
+                Windows::Matched => crop::choose([&drafts[0], &drafts[1]], target, &mut stream).map(Some),
+                Windows::Middle => [None; 2],
+            };
+            let shape = |draft, view: usize, purpose| {
+                self.reshape_view(draft, windows[view], target, rng(seed, "sample", position, purpose))
+            };
+            let [a, b] = drafts;
+            let a = shape(a, 0, "roll a")?;
+            drafts = [a, if is_copy { b } else { shape(b, 1, "roll b")? }];
+        }
+        if is_copy {
+            drafts[1] = drafts[0].clone();
+        }
+        Ok((drafts, is_copy))
     }
 
     fn reshape_view(

@@ -12,17 +12,16 @@ fn drafts(side: usize) -> [Draft; 2] {
 }
 
 /// Median and 99th percentile of the distance, pixels, between a pixel and where the other view's depth carries it back to.
-fn reprojection_px([a, b]: &[Draft; 2]) -> [f64; 2] {
-    let view = |draft: &Draft| {
-        let truth = draft.truth.clone().unwrap();
-        (draft.camera.clone(), truth.world_from_cam, truth.depth_z)
-    };
-    let (a, b) = (view(a), view(b));
-    let seen = |v: &'_ _| -> reprojection::View<'_> {
-        let (camera, world_from_cam, depth_z): &(_, _, _) = v;
-        reprojection::View { camera, world_from_cam, depth_z }
-    };
-    let statistics = symmetric(&seen(&a), &seen(&b), 1).unwrap();
+fn reprojection_px(drafts: &[Draft; 2]) -> [f64; 2] {
+    let [a, b] = drafts.each_ref().map(|draft| {
+        let truth = draft.truth.as_ref().unwrap();
+        reprojection::View {
+            camera: &draft.camera,
+            world_from_cam: &truth.world_from_cam,
+            depth_z: &truth.depth_z,
+        }
+    });
+    let statistics = symmetric(&a, &b, 1).unwrap();
     [statistics.median_px, statistics.p99_px]
 }
 
@@ -39,7 +38,7 @@ fn windows_and_rolls_keep_views_on_one_ground() {
     ];
     for (idx, shape) in shapes.iter().enumerate() {
         for target in [[96, 96], [128, 96], [48, 64]] {
-            let shaped = shape.reshape(drafts(128), target, 5, idx as u64).unwrap();
+            let shaped = shape.reshape(drafts(128), false, target, 5, idx as u64).unwrap().0;
             for draft in &shaped {
                 assert_eq!([draft.levels.width, draft.levels.height], target);
                 assert!(draft.truth.as_ref().unwrap().depth_z.data.iter().all(|z| z.is_finite()));
@@ -53,7 +52,7 @@ fn windows_and_rolls_keep_views_on_one_ground() {
 #[test]
 fn the_published_geometry_is_off_by_what_it_is_known_for() {
     let published = Augmentation { fidelity: Fidelity::Published, ..Augmentation::physical() };
-    let shaped = published.reshape(drafts(128), [96, 96], 5, 0).unwrap();
+    let shaped = published.reshape(drafts(128), false, [96, 96], 5, 0).unwrap().0;
     let [median, _] = reprojection_px(&shaped);
     // Nearest depths: some quarter of a pixel on slanted ground.
     assert!((0.02..0.6).contains(&median), "{median}");
@@ -69,7 +68,7 @@ fn pictures_move_with_their_depths() {
     });
     for roll_share in [0.0, 1.0] {
         let shape = Augmentation { windows: Windows::Matched, roll_share, ..Augmentation::default() };
-        for draft in shape.reshape(painted.clone(), [64, 64], 9, 1).unwrap() {
+        for draft in shape.reshape(painted.clone(), false, [64, 64], 9, 1).unwrap().0 {
             let expected = self::painted(&draft, &level);
             let worst =
                 draft.levels.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -122,7 +121,7 @@ fn samples_are_functions_of_seed_and_position() {
     let augmentation = Augmentation { photometric: Some(Photometric::default()), ..Augmentation::physical() };
     augmentation.check("augment").unwrap();
     let make = |seed, position| {
-        let [a, b] = augmentation.reshape(drafts(64), [48, 48], seed, position).unwrap();
+        let ([a, b], _) = augmentation.reshape(drafts(64), false, [48, 48], seed, position).unwrap();
         [augmentation.develop(a, seed, position, "a"), augmentation.develop(b, seed, position, "b")]
     };
     assert_eq!(make(1, 2), make(1, 2));
@@ -141,8 +140,9 @@ fn lights_copies_and_far_depths_follow_the_settings() {
     assert!((0..50).all(|n| shared.lights(3, 1, n)[0] == shared.lights(3, 1, n)[1]));
     let published = Augmentation::published();
     let copies = Augmentation { monocular_share: 1.0, ..published };
-    let [a, b] = copies.reshape(drafts(64), [64, 64], 1, 0).unwrap();
-    assert_eq!(a, b);
+    let ([a, b], is_copy) = copies.reshape(drafts(64), false, [64, 64], 1, 0).unwrap();
+    // Not by `==`: what lies outside the turned picture has no depth.
+    assert!(is_copy && a.levels == b.levels && a.camera == b.camera);
     // Two percent are gone, and more at the rim of the window, which lies outside the turned picture.
     let mut draft = drafts(64)[0].clone();
     draft.drop_far(0.98);

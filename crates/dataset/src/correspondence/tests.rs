@@ -90,10 +90,10 @@ fn across_the_hill() -> [View; 2] {
     let moon = Body::moon();
     [0.0, 180.0].map(|azimuth: f64| {
         let ground = Geodetic::from_deg(-88.0, 40.0, 0.0);
-        let towards = moon.direction(&ground, azimuth.to_radians(), 0.45);
+        let towards = moon.direction(&ground, azimuth.to_radians(), 0.2);
         let origin = moon.point(&ground) + towards * 30_000.0;
         let world_from_cam = lookat::level(origin, &-towards, &moon.up(&ground)).unwrap();
-        View { camera: Camera::from_fov(96, 96, 0.7).unwrap(), world_from_cam }
+        View { camera: Camera::from_fov(96, 96, 0.3).unwrap(), world_from_cam }
     })
 }
 

@@ -115,7 +115,7 @@ fn truth(campaign: &Campaign, tracer: &Tracer<'_>, view: &View) -> Result<Result
 }
 
 /// The settings of a view's pictures; its rays are its own.
-fn radiance_settings(campaign: &Campaign, pair_id: u64, name: ViewName) -> RadianceSettings {
+pub(crate) fn radiance_settings(campaign: &Campaign, pair_id: u64, name: ViewName) -> RadianceSettings {
     let RenderSection { rays_per_pixel, psf_sigma_px, shadows, albedo, brdf, .. } = campaign.render;
     let purpose = match name {
         ViewName::A => "rays a",

@@ -89,12 +89,12 @@ pub(crate) fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> 
 }
 
 /// Depth with every absent sample NaN.
-fn absent_as_nan(depth_z: &Raster<f32>) -> Raster<f32> {
+pub(crate) fn absent_as_nan(depth_z: &Raster<f32>) -> Raster<f32> {
     depth_z.map(|&z| if z.is_finite() && z > 0.0 { z } else { f32::NAN })
 }
 
 /// A file that is not what its name says.
-fn unexpected(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
+pub(crate) fn unexpected(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
     Error::Format { path: path.to_owned(), expected: expected.into(), found: found.into() }
 }
 

@@ -18,7 +18,7 @@ const SMALL_SQUARE: usize = 224;
 const HALF_RANGE: f32 = 127.5;
 
 /// A colour picture of 8 bits.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Rgb8(Raster<[u8; 3]>);
 
 impl Rgb8 {
