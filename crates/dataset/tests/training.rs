@@ -1,5 +1,6 @@
 //! Training data against the numbers of the reference.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::print_stdout, reason = "a test on shared data says whether it ran")]
 
 mod goldens;
 

@@ -122,7 +122,8 @@ fn bilateral(levels: &Raster<u8>) -> Raster<u8> {
     let mut out = Raster::filled(width, height, 0);
     let (mut sums, mut weights) = (vec![0.0f32; width], vec![0.0f32; width]);
     for y in 0..height {
-        (sums.fill(0.0), weights.fill(0.0));
+        sums.fill(0.0);
+        weights.fill(0.0);
         let own = levels.row(y);
         for (dx, dy, near) in &taps {
             let other = &padded.row(mirrored(y as i64 + dy, height))[(RADIUS + dx) as usize..];
