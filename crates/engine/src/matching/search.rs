@@ -5,14 +5,14 @@
 
 use rayon::prelude::*;
 
-use crate::buffer::{Buffer, with_scratch};
+use crate::buffer::Buffer;
 use crate::kernel::{PANEL, Product, ROWS, Simd, multiply};
 use crate::vector::{MulAdd, per_level};
 
 /// Side of a tile: 64 pixels fill a panel.
 const SIDE: usize = 8;
-/// Queries of a task.
-const TASK_QUERIES: usize = 4 * ROWS;
+/// Queries of a task: their bounds for 64 tiles stay in the first-level cache.
+const TASK_QUERIES: usize = 16 * ROWS;
 /// Rounding of a bound, relative to the lengths of both descriptors.
 const MARGIN: f32 = 1e-5;
 /// A lane without a pixel, a query without an answer yet.
@@ -26,7 +26,7 @@ pub(super) struct Targets {
     pixels: Vec<u32>,
     /// Means of the tiles, packed like targets.
     centers: Buffer,
-    /// How far a descriptor lies from its tile's mean, at most.
+    /// How far a descriptor lies from its tile's mean, at most; less than nothing for what is no tile.
     radii: Vec<f32>,
     /// Length of the longest descriptor.
     longest: f32,
@@ -62,6 +62,7 @@ impl Targets {
                 *radius = radius.max(squared.sqrt());
             }
         });
+        radii.resize(num_tiles.next_multiple_of(PANEL), f32::NEG_INFINITY);
         let mut centers = Buffer::zeroed(num_tiles.next_multiple_of(PANEL) * dim);
         for (tile, mean) in means.chunks_exact(dim).enumerate() {
             for (k, value) in mean.iter().enumerate() {
@@ -77,78 +78,99 @@ impl Targets {
     pub(super) fn nearest(&self, level: Simd, descriptors: &[f32], queries: &[u32], out: &mut [u32]) {
         let tasks = queries.par_chunks(TASK_QUERIES).zip(out.par_chunks_mut(TASK_QUERIES));
         tasks.with_max_len(1).for_each(|(queries, out)| {
-            with_scratch(ROWS * self.radii.len().next_multiple_of(PANEL), |bounds| {
-                for (queries, out) in queries.chunks(ROWS).zip(out.chunks_mut(ROWS)) {
-                    let found = self.search(level, descriptors, queries, bounds);
-                    out.copy_from_slice(&found[..queries.len()]);
-                }
-            });
+            let row = |query: &u32| &descriptors[*query as usize * self.dim..][..self.dim];
+            let mut queries: Vec<Query<'_>> = queries.iter().map(|query| Query::new(row(query))).collect();
+            self.start(level, &mut queries);
+            self.search(level, &mut queries);
+            for (query, out) in queries.iter().zip(out) {
+                *out = query.pixel;
+            }
         });
     }
 
-    fn search(&self, level: Simd, descriptors: &[f32], queries: &[u32], bounds: &mut [f32]) -> [u32; ROWS] {
-        let num_tiles = self.radii.len();
-        let width = num_tiles.next_multiple_of(PANEL);
-        let rows = std::array::from_fn(|idx| {
-            let query = queries[idx.min(queries.len() - 1)] as usize;
-            &descriptors[query * self.dim..][..self.dim]
-        });
-        let pointers = rows.map(<[f32]>::as_ptr);
-        for (block, panel) in self.centers.chunks_exact(PANEL * self.dim).enumerate() {
-            let tile = &mut bounds[block * PANEL..][..(ROWS - 1) * width + PANEL];
-            self.multiply(level, &pointers, panel, tile, width);
-        }
-        let mut best = Best { values: [f32::NEG_INFINITY; ROWS], pixels: [NONE; ROWS] };
-        for (row, bounds) in rows.iter().zip(bounds.chunks_exact_mut(width)) {
-            let own = length(row);
-            let margin = MARGIN * own * self.longest;
-            widen(level, &mut bounds[..num_tiles], &self.radii, own, margin);
-        }
-        // The most promising tile of each query first: what it gives rules out most others.
-        for bounds in bounds.chunks_exact(width) {
-            let mut top = 0;
-            for (tile, bound) in bounds[..num_tiles].iter().enumerate() {
-                if *bound > bounds[top] {
-                    top = tile;
+    /// The most promising tile of each query first: what it gives rules out most others.
+    fn start(&self, level: Simd, queries: &mut [Query<'_>]) {
+        let mut bounds = Products([[0.0; PANEL]; ROWS]);
+        let mut tops = [(f32::NEG_INFINITY, 0); TASK_QUERIES];
+        for (strip, tops) in queries.chunks(ROWS).zip(tops.chunks_mut(ROWS)) {
+            for block in 0..self.radii.len() / PANEL {
+                self.bound(level, strip, block, &mut bounds.0);
+                for (top, bounds) in tops.iter_mut().zip(&bounds.0) {
+                    if !reaches(level, bounds, top.0) {
+                        continue;
+                    }
+                    for (tile, bound) in bounds.iter().enumerate() {
+                        if *bound > top.0 {
+                            *top = (*bound, block * PANEL + tile);
+                        }
+                    }
                 }
             }
-            self.visit(level, &pointers, top, &mut best);
         }
-        for tile in 0..num_tiles {
-            if (0..ROWS).any(|row| bounds[row * width + tile] >= best.values[row]) {
-                self.visit(level, &pointers, tile, &mut best);
-            }
+        for (idx, (_, tile)) in tops[..queries.len()].iter().enumerate() {
+            self.visit(level, queries, &[idx], *tile);
         }
-        best.pixels
     }
 
-    fn visit(&self, level: Simd, rows: &[*const f32; ROWS], tile: usize, best: &mut Best) {
+    /// Visits each tile with the queries that may find something better there: it is read from memory once for
+    /// all of a task's.
+    fn search(&self, level: Simd, queries: &mut [Query<'_>]) {
+        let mut bounds = Products([[0.0; PANEL]; TASK_QUERIES]);
+        let mut hopeful = [0; TASK_QUERIES];
+        for block in 0..self.radii.len() / PANEL {
+            let mut any = false;
+            for (strip, bounds) in queries.chunks(ROWS).zip(bounds.0.as_chunks_mut::<ROWS>().0) {
+                self.bound(level, strip, block, bounds);
+                for (query, bounds) in strip.iter().zip(bounds) {
+                    any |= reaches(level, bounds, query.value);
+                }
+            }
+            for tile in (0..PANEL).take_while(|_| any) {
+                let mut count = 0;
+                for (idx, (query, bounds)) in queries.iter().zip(&bounds.0).enumerate() {
+                    hopeful[count] = idx;
+                    count += usize::from(bounds[tile] >= query.value);
+                }
+                for group in hopeful[..count].chunks(ROWS) {
+                    self.visit(level, queries, group, block * PANEL + tile);
+                }
+            }
+        }
+    }
+
+    /// No descriptor of the block's tiles has a larger product with the queries, of which there are six at most.
+    fn bound(&self, level: Simd, queries: &[Query<'_>], block: usize, bounds: &mut [[f32; PANEL]; ROWS]) {
+        let rows = std::array::from_fn(|idx| queries[idx.min(queries.len() - 1)].row);
+        self.multiply(level, rows, &self.centers[block * PANEL * self.dim..], bounds);
+        for (query, bounds) in queries.iter().zip(bounds) {
+            let margin = MARGIN * query.length * self.longest;
+            widen(level, bounds, &self.radii[block * PANEL..], query.length, margin);
+        }
+    }
+
+    /// Compares a tile's descriptors with six queries at most, given by their indices.
+    fn visit(&self, level: Simd, queries: &mut [Query<'_>], group: &[usize], tile: usize) {
         let mut products = Products([[0.0; PANEL]; ROWS]);
-        let panel = &self.panels[tile * PANEL * self.dim..][..PANEL * self.dim];
-        self.multiply(level, rows, panel, products.0.as_flattened_mut(), PANEL);
+        let rows = std::array::from_fn(|idx| queries[group[idx.min(group.len() - 1)]].row);
+        self.multiply(level, rows, &self.panels[tile * PANEL * self.dim..], &mut products.0);
         let pixels = &self.pixels[tile * PANEL..][..PANEL];
-        for (row, products) in products.0.iter().enumerate() {
-            if reaches(level, products, best.values[row]) {
-                best.update(row, products, pixels);
+        for (idx, products) in group.iter().zip(&products.0) {
+            let query = &mut queries[*idx];
+            if reaches(level, products, query.value) {
+                query.update(products, pixels);
             }
         }
     }
 
-    fn multiply(
-        &self,
-        level: Simd,
-        rows: &[*const f32; ROWS],
-        panel: &[f32],
-        tile: &mut [f32],
-        stride: usize,
-    ) {
-        debug_assert!(tile.len() >= (ROWS - 1) * stride + PANEL && panel.len() == PANEL * self.dim);
+    /// Products of six descriptors with the first panel of `panels`.
+    fn multiply(&self, level: Simd, rows: [&[f32]; ROWS], panels: &[f32], out: &mut [[f32; PANEL]; ROWS]) {
+        debug_assert!(rows.iter().all(|row| row.len() == self.dim) && panels.len() >= PANEL * self.dim);
         let product = Product {
-            rows,
+            rows: &rows.map(<[f32]>::as_ptr),
             segments: &[self.dim],
-            panel: panel.as_ptr(),
-            tile: tile.as_mut_ptr(),
-            stride,
+            panel: panels.as_ptr(),
+            tile: out.as_flattened_mut().as_mut_ptr(),
+            stride: PANEL,
             accumulate: false,
         };
         // SAFETY: rows are descriptors of `dim` values, the panel has `dim` lines, the tile its six rows; the
@@ -158,20 +180,27 @@ impl Targets {
 }
 
 #[repr(align(64))]
-struct Products([[f32; PANEL]; ROWS]);
+struct Products<const N: usize>([[f32; PANEL]; N]);
 
-struct Best {
-    values: [f32; ROWS],
-    pixels: [u32; ROWS],
+/// A descriptor, and the best that has been found for it.
+struct Query<'a> {
+    row: &'a [f32],
+    length: f32,
+    value: f32,
+    pixel: u32,
 }
 
-impl Best {
-    fn update(&mut self, row: usize, products: &[f32; PANEL], pixels: &[u32]) {
+impl<'a> Query<'a> {
+    fn new(row: &'a [f32]) -> Self {
+        Self { row, length: length(row), value: f32::NEG_INFINITY, pixel: NONE }
+    }
+
+    fn update(&mut self, products: &[f32; PANEL], pixels: &[u32]) {
         for (product, pixel) in products.iter().zip(pixels).filter(|(_, pixel)| **pixel != NONE) {
-            let better = *product > self.values[row];
-            if better || (*product == self.values[row] && *pixel < self.pixels[row]) {
-                self.values[row] = *product;
-                self.pixels[row] = *pixel;
+            let better = *product > self.value;
+            if better || (*product == self.value && *pixel < self.pixel) {
+                self.value = *product;
+                self.pixel = *pixel;
             }
         }
     }
@@ -201,12 +230,12 @@ per_level! {
 }
 
 #[inline(always)]
-fn widen_body<M: MulAdd>(bounds: &mut [f32], radii: &[f32], length: f32, margin: f32) {
+fn widen_body<M: MulAdd>(bounds: &mut [f32; PANEL], radii: &[f32], length: f32, margin: f32) {
     for (bound, radius) in bounds.iter_mut().zip(radii) {
         *bound = M::mul_add(*radius, length, *bound + margin);
     }
 }
 per_level! {
     /// From dot products with centres to bounds of those with anything in the balls around them.
-    widen = widen_body(bounds: &mut [f32], radii: &[f32], length: f32, margin: f32)
+    widen = widen_body(bounds: &mut [f32; PANEL], radii: &[f32], length: f32, margin: f32)
 }
