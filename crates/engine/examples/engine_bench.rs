@@ -100,7 +100,8 @@ impl Bench {
         let (decoded, end) = (stamps.decoded.unwrap(), Clock::now());
         let mut file = std::io::BufWriter::new(std::fs::File::create(outputs).unwrap());
         for output in &self.outputs {
-            let maps = [&output.points, &output.confidence, &output.descriptors, &output.descriptor_confidence];
+            let maps =
+                [&output.points, &output.confidence, &output.descriptors, &output.descriptor_confidence];
             for value in maps.into_iter().flatten() {
                 file.write_all(&value.to_le_bytes()).unwrap();
             }
@@ -124,7 +125,9 @@ impl Bench {
         let words: Vec<&str> = line.split_whitespace().collect();
         let whole = |word: &str| word.parse::<usize>().unwrap();
         match words[..] {
-            ["pair", height, width, images, outputs] => self.pair(whole(height), whole(width), images, outputs),
+            ["pair", height, width, images, outputs] => {
+                self.pair(whole(height), whole(width), images, outputs)
+            }
             ["symmetric"] => json!(seconds(&mut || {
                 self.engine.infer_symmetric(self.image(0), self.image(1)).map(drop).unwrap();
             })),
@@ -196,11 +199,13 @@ fn descriptors(side: usize, shift: f32, noise_gain: f32, smooth: f32) -> Vec<f32
 
 fn made_up() -> Value {
     let side = 512;
-    let cases = [("smooth", 0.1, 1.0), ("noisy", 0.5, 1.0), ("noise", 1.0, 0.0)].map(|(name, noise_gain, smooth)| {
-        let both = [0.0, 9.0].map(|shift| descriptors(side, shift, noise_gain, smooth));
-        let map = |idx: usize| DescriptorMap { height_px: side, width_px: side, dim: 24, values: &both[idx] };
-        (name.to_owned(), time_matching([map(0), map(1)]))
-    });
+    let cases =
+        [("smooth", 0.1, 1.0), ("noisy", 0.5, 1.0), ("noise", 1.0, 0.0)].map(|(name, noise_gain, smooth)| {
+            let both = [0.0, 9.0].map(|shift| descriptors(side, shift, noise_gain, smooth));
+            let map =
+                |idx: usize| DescriptorMap { height_px: side, width_px: side, dim: 24, values: &both[idx] };
+            (name.to_owned(), time_matching([map(0), map(1)]))
+        });
     Value::Object(cases.into_iter().collect())
 }
 

@@ -48,6 +48,24 @@ pub fn focal_of_pointmap(points: &[f32], width_px: usize, principal_px: [f64; 2]
     Some(focal)
 }
 
+/// Focal length in pixels that half of the pointmap's coordinates exceed, each taken alone; `None` where none says
+/// anything. Cruder than [`focal_of_pointmap`], and indifferent to a minority of any size of error.
+///
+/// # Shapes and units
+/// As [`focal_of_pointmap`]; of an even number of values the lower of the middle two, as the reference takes it.
+#[must_use]
+pub fn median_focal_of_pointmap(points: &[f32], width_px: usize, principal_px: [f64; 2]) -> Option<f64> {
+    let of_point = |(idx, point): (usize, &[f32])| {
+        let pixel = [(idx % width_px) as f64, (idx / width_px) as f64];
+        [0, 1].map(|axis| (pixel[axis] - principal_px[axis]) * f64::from(point[2]) / f64::from(point[axis]))
+    };
+    let votes = points.chunks_exact(3).enumerate().flat_map(of_point);
+    let mut votes: Vec<f64> = votes.filter(|focal| !focal.is_nan()).collect();
+    let middle = votes.len().checked_sub(1)? / 2;
+    let (_, focal, _) = votes.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*focal)
+}
+
 /// Bounds a focal length by multiples of the one at which the longer side spans 60°.
 #[must_use]
 pub fn bound_focal(focal_px: f64, size_px: (usize, usize), factors: (f64, f64)) -> f64 {

@@ -10,7 +10,7 @@ mod goldens;
 
 use goldens::{Golden, root};
 use selenograph_engine::Simd;
-use selenograph_engine::focal::{bound_focal, focal_of_pointmap};
+use selenograph_engine::focal::{bound_focal, focal_of_pointmap, median_focal_of_pointmap};
 use selenograph_engine::matching::{
     Described, DescriptorMap, Matcher, PixelIndex, PixelPair, inside_border, reciprocal_symmetric,
 };
@@ -141,7 +141,10 @@ fn shared_golden_focal() {
     };
     close(found, "focal.weiszfeld");
     close(bound_focal(found, (shape[1], shape[0]), (2.0, 3.5)), "focal.weiszfeld_clipped");
+    let median = median_focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
+    close(median, "focal.median");
     assert_eq!(focal_of_pointmap(&[0.0; 12], 2, [1.0, 1.0]), None);
+    assert_eq!(median_focal_of_pointmap(&[0.0; 12], 2, [1.0, 1.0]), None);
 }
 
 #[test]
