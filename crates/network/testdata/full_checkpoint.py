@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Writes a checkpoint of random weights in the layout of the published one, for measuring and for tests by hand.
+"""Writes a checkpoint of random weights in the layout of the published one, and compares one with what we made of it.
 
-    python3 full_checkpoint.py full_shapes.json full.pth
+    python3 full_checkpoint.py full_shapes.json full.pth [--dtype bf16] [--training]
+    selenograph weights convert full.pth --out full.safetensors
+    python3 full_checkpoint.py full_shapes.json full.pth --compare full.safetensors
 
-`full_shapes.json` maps each name of the state dict to its shape. With PyTorch installed `torch.save` writes the file;
-without it the same bytes are laid out by hand (protocol 2 pickle, stored entries), so that no
-download of several gigabytes is needed. `scratch.layer_rn.N` shares its storage with `scratch.layer{N+1}_rn`.
+Needs PyTorch and safetensors. `full_shapes.json` maps each name of the state dict to its shape. `scratch.layer_rn.N`
+shares its storage with `scratch.layer{N+1}_rn`. `--training` adds what a training run keeps beside the weights.
 """
 import argparse
 import collections
 import json
-import pickle
-import random
-import sys
-import zipfile
+
+import torch
+from safetensors import safe_open
 
 MODEL = (
     "AsymmetricMASt3R(pos_embed='RoPE100', patch_embed_cls='ManyAR_PatchEmbed', img_size=(512, 512), "
@@ -21,6 +21,7 @@ MODEL = (
     "enc_embed_dim=1024, enc_depth=24, enc_num_heads=16, dec_embed_dim=768, dec_depth=12, dec_num_heads=12, "
     "two_confs=True, desc_conf_mode=('exp', 0, inf))"
 )
+DTYPES = {"f32": torch.float32, "f16": torch.float16, "bf16": torch.bfloat16}
 
 
 def owner(name):
@@ -32,83 +33,58 @@ def owner(name):
     return f"{head}.scratch.layer{int(number) + 1}_rn.{tail}"
 
 
-def with_torch(torch, shapes, out):
-    tensors = {name: torch.randn(shape) * 0.02 for name, shape in shapes.items() if owner(name) == name}
-    state = collections.OrderedDict((name, tensors[owner(name)]) for name in shapes)
-    torch.save({"args": argparse.Namespace(model=MODEL, seed=0), "model": state}, out)
-
-
-class Storage:
-    def __init__(self, key, length):
-        self.key, self.length = key, length
-
-
-def by_hand(shapes, out):
-    # Classes of the names that PyTorch's pickles call: the pickler looks them up and writes their names only.
-    modules = {}
-    for module, name in [("torch._utils", "_rebuild_tensor_v2"), ("torch", "FloatStorage")]:
-        modules.setdefault(module, type(sys)(module))
-        stand_in = type(name, (), {"__module__": module})
-        stand_in.__qualname__ = name
-        setattr(modules[module], name, stand_in)
-    sys.modules.update(modules)
-    rebuild, float_storage = modules["torch._utils"]._rebuild_tensor_v2, modules["torch"].FloatStorage
-
-    class Tensor:
-        def __init__(self, storage, shape):
-            self.storage, self.shape = storage, shape
-
-        def __reduce__(self):
-            strides = [1] * len(self.shape)
-            for side in reversed(range(len(self.shape) - 1)):
-                strides[side] = strides[side + 1] * self.shape[side + 1]
-            hooks = collections.OrderedDict()
-            return rebuild, (self.storage, 0, tuple(self.shape), tuple(strides), False, hooks)
-
-    class Pickler(pickle._Pickler):
-        def persistent_id(self, thing):
-            if isinstance(thing, Storage):
-                return ("storage", float_storage, thing.key, "cpu", thing.length)
-            return None
-
-        def save_global(self, thing, name=None):
-            super().save_global(thing, name or getattr(thing, "__qualname__", None))
-
-    storages, state = {}, collections.OrderedDict()
+def write(shapes, path, dtype, training):
+    generator = torch.Generator().manual_seed(0)
+    tensors = {}
     for name, shape in shapes.items():
-        if owner(name) not in storages:
-            length = 1
-            for side in shape:
-                length *= side
-            storages[owner(name)] = Storage(str(len(storages)), length)
-        state[name] = Tensor(storages[owner(name)], shape)
+        if owner(name) == name:
+            tensors[name] = (torch.randn(shape, generator=generator) * 0.02).to(dtype)
+    state = collections.OrderedDict((name, tensors[owner(name)]) for name in shapes)
     state._metadata = collections.OrderedDict({"": {"version": 1}})
-    block = bytes(byte if i % 4 < 3 else 0x3C for i, byte in enumerate(random.Random(0).randbytes(1 << 20)))
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive, open(out + ".pkl", "wb+") as text:
-        Pickler(text, protocol=2).dump({"args": argparse.Namespace(model=MODEL, seed=0), "model": state})
-        text.seek(0)
-        archive.writestr("archive/data.pkl", text.read())
-        archive.writestr("archive/byteorder", "little")
-        for storage in storages.values():
-            # Values around 0.01: the low bytes are noise, the high one is an exponent.
-            with archive.open(f"archive/data/{storage.key}", "w", force_zip64=True) as entry:
-                left = storage.length * 4
-                while left:
-                    entry.write(block[: min(left, len(block))])
-                    left -= min(left, len(block))
-        archive.writestr("archive/version", "3\n")
+    args = argparse.Namespace(model=MODEL, lr=1e-4, epochs=25, resume=None, amp=1, disable_cudnn_benchmark=False)
+    checkpoint = {"args": args, "model": state}
+    if training:
+        # Two of the tensors are enough: what an optimiser keeps is never read.
+        parts = [torch.nn.Parameter(tensors[name].float()) for name in ("enc_norm.weight", "dec_norm.weight")]
+        optimizer = torch.optim.AdamW(parts, betas=(0.9, 0.95))
+        sum(part.sum() for part in parts).backward()
+        optimizer.step()
+        scaler = {"scale": 65536.0, "growth_factor": 2.0, "backoff_factor": 0.5, "growth_interval": 2000, "_growth_tracker": 7}
+        checkpoint |= {"optimizer": optimizer.state_dict(), "scaler": scaler, "epoch": 12, "best_so_far": 0.5}
+    torch.save(checkpoint, path)
+
+
+def compare(shapes, path, converted):
+    state = torch.load(path, weights_only=False, mmap=True)["model"]
+    unique = parameters = 0
+    with safe_open(converted, "pt") as file:
+        names = set(file.keys())
+        assert names <= set(state), sorted(names - set(state))
+        assert {owner(name) for name in state} == {owner(name) for name in names}
+        for name in names:
+            tensor, stored = file.get_tensor(name), state[name]
+            # Safetensors of ours have no f16.
+            expected = stored.float() if stored.dtype == torch.float16 else stored
+            assert list(tensor.shape) == shapes[name] and tensor.dtype == expected.dtype, name
+            assert torch.equal(tensor.view(torch.uint8), expected.view(torch.uint8)), name
+            unique += 1
+            parameters += tensor.numel()
+    print(f"{unique} tensors, {parameters} parameters: names, shapes, types and bytes are the same")
 
 
 def main():
-    shapes = json.load(open(sys.argv[1]))
-    try:
-        import torch
-    except ImportError:
-        by_hand(shapes, sys.argv[2])
-        print("written by hand, without PyTorch")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shapes")
+    parser.add_argument("file")
+    parser.add_argument("--dtype", choices=DTYPES, default="f32")
+    parser.add_argument("--training", action="store_true")
+    parser.add_argument("--compare", metavar="CONVERTED")
+    options = parser.parse_args()
+    shapes = json.load(open(options.shapes))
+    if options.compare:
+        compare(shapes, options.file, options.compare)
     else:
-        with_torch(torch, shapes, sys.argv[2])
-        print("written by PyTorch", torch.__version__)
+        write(shapes, options.file, DTYPES[options.dtype], options.training)
 
 
 if __name__ == "__main__":
