@@ -127,6 +127,39 @@ fn equal_descriptors_give_the_first() {
     assert!(Matcher::new(map, map).unwrap().match_points(&[[20, 0]], 5.0).is_err());
 }
 
+/// Sixteenths, so that all products are exact and many are equal; coarse tiles, rounded bytes and longest
+/// descriptors may rule out nothing that counts.
+#[test]
+fn nearest_by_its_definition() {
+    let sixteenths = |count: usize, seed: usize| -> Vec<i32> {
+        let noise = |k: usize| (k + seed).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+        (0..count).map(|k| (noise(k) % 17) as i32 - 8 + if k % 977 < 3 { 24 } else { 0 }).collect()
+    };
+    for dim in [5, 24, 32, 33] {
+        let sizes = [(19, 23), (41, 18)];
+        let exact = [0, 1].map(|idx| sixteenths(sizes[idx].0 * sizes[idx].1 * dim, 1000 * idx));
+        let values = [0, 1].map(|idx| exact[idx].iter().map(|v| *v as f32 / 16.0).collect::<Vec<_>>());
+        let expected: Vec<u32> = exact[0]
+            .chunks_exact(dim)
+            .map(|query| {
+                let product = |row: &[i32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<i32>();
+                let all = exact[1].chunks_exact(dim).map(product).enumerate();
+                all.max_by_key(|(idx, product)| (*product, std::cmp::Reverse(*idx))).unwrap().0 as u32
+            })
+            .collect();
+        for level in levels() {
+            let [first, second] = [0, 1].map(|idx| DescriptorMap {
+                height_px: sizes[idx].0,
+                width_px: sizes[idx].1,
+                dim,
+                values: &values[idx],
+            });
+            let found = Matcher::with_simd(first, second, level).unwrap().nearest_of_all();
+            assert_eq!(found, expected, "{level:?} {dim}");
+        }
+    }
+}
+
 #[test]
 fn shared_golden_focal() {
     let Some(root) = root("golden focal") else { return };

@@ -1,5 +1,6 @@
 //! Reciprocal nearest neighbours among descriptors, fast or exact, without the matrix of all products.
 
+mod screen;
 mod search;
 
 use crate::error::{Error, Result};
@@ -65,7 +66,7 @@ impl<'a> Matcher<'a> {
             let (expected, found) = (first.dim.to_string(), second.dim.to_string());
             return Err(Error::Matching { what: "size of the second image's descriptors", expected, found });
         }
-        let targets = maps.map(|map| Targets::new(map.values, (map.height_px, map.width_px), map.dim));
+        let targets = maps.map(|map| Targets::new(level, map.values, (map.height_px, map.width_px), map.dim));
         let known = maps.map(|map| vec![NONE; map.height_px * map.width_px]);
         Ok(Self { maps, targets, known, level })
     }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::buffer::Buffer;
 use crate::kernel::{PANEL, Product, ROWS, Simd, multiply};
+use crate::matching::screen::{Asked, Screen};
 use crate::vector::{MulAdd, per_level};
 
 /// Side of a tile: 64 pixels fill a panel.
@@ -30,10 +31,11 @@ pub(super) struct Targets {
     radii: Vec<f32>,
     /// Length of the longest descriptor.
     longest: f32,
+    screen: Option<Screen>,
 }
 
 impl Targets {
-    pub(super) fn new(descriptors: &[f32], (height, width): (usize, usize), dim: usize) -> Self {
+    pub(super) fn new(level: Simd, descriptors: &[f32], (height, width): (usize, usize), dim: usize) -> Self {
         let tiles_per_row = width.div_ceil(SIDE);
         let num_tiles = tiles_per_row * height.div_ceil(SIDE);
         let mut panels = Buffer::zeroed(num_tiles * PANEL * dim);
@@ -71,7 +73,8 @@ impl Targets {
         }
         let lengths = descriptors.chunks_exact(dim).map(length).filter(|length| length.is_finite());
         let longest = lengths.fold(0.0, f32::max);
-        Self { dim, panels, pixels, centers, radii, longest }
+        let screen = Screen::new(level, &panels, dim, longest);
+        Self { dim, panels, pixels, centers, radii, longest, screen }
     }
 
     /// For each query (a pixel of `descriptors`) the pixel with the largest dot product.
@@ -79,13 +82,20 @@ impl Targets {
         let tasks = queries.par_chunks(TASK_QUERIES).zip(out.par_chunks_mut(TASK_QUERIES));
         tasks.with_max_len(1).for_each(|(queries, out)| {
             let row = |query: &u32| &descriptors[*query as usize * self.dim..][..self.dim];
-            let mut queries: Vec<Query<'_>> = queries.iter().map(|query| Query::new(row(query))).collect();
+            let mut queries: Vec<Query<'_>> = queries.iter().map(|query| self.query(row(query))).collect();
             self.start(level, &mut queries);
             self.search(level, &mut queries);
             for (query, out) in queries.iter().zip(out) {
                 *out = query.pixel;
             }
         });
+    }
+
+    fn query<'q>(&self, row: &'q [f32]) -> Query<'q> {
+        let length = length(row);
+        let margin = MARGIN * length * self.longest;
+        let asked = self.screen.as_ref().map(|screen| screen.ask(row, length, margin)).unwrap_or_default();
+        Query { row, length, margin, asked, value: f32::NEG_INFINITY, pixel: NONE }
     }
 
     /// The most promising tile of each query first: what it gives rules out most others.
@@ -125,14 +135,20 @@ impl Targets {
                     any |= reaches(level, bounds, query.value);
                 }
             }
-            for tile in (0..PANEL).take_while(|_| any) {
+            let num_tiles = PANEL.min(self.pixels.len() / PANEL - block * PANEL);
+            for tile in (0..num_tiles).take_while(|_| any) {
                 let mut count = 0;
                 for (idx, (query, bounds)) in queries.iter().zip(&bounds.0).enumerate() {
                     hopeful[count] = idx;
                     count += usize::from(bounds[tile] >= query.value);
                 }
-                for group in hopeful[..count].chunks(ROWS) {
-                    self.visit(level, queries, group, block * PANEL + tile);
+                let (tile, mut hopeful) = (block * PANEL + tile, &mut hopeful[..count]);
+                if let Some(screen) = &self.screen {
+                    let count = screen.sift(tile, |idx| &queries[idx].asked, hopeful);
+                    hopeful = &mut hopeful[..count];
+                }
+                for group in hopeful.chunks(ROWS) {
+                    self.visit(level, queries, group, tile);
                 }
             }
         }
@@ -143,8 +159,7 @@ impl Targets {
         let rows = std::array::from_fn(|idx| queries[idx.min(queries.len() - 1)].row);
         self.multiply(level, rows, &self.centers[block * PANEL * self.dim..], bounds);
         for (query, bounds) in queries.iter().zip(bounds) {
-            let margin = MARGIN * query.length * self.longest;
-            widen(level, bounds, &self.radii[block * PANEL..], query.length, margin);
+            widen(level, bounds, &self.radii[block * PANEL..], query.length, query.margin);
         }
     }
 
@@ -164,11 +179,11 @@ impl Targets {
 
     /// Products of six descriptors with the first panel of `panels`.
     fn multiply(&self, level: Simd, rows: [&[f32]; ROWS], panels: &[f32], out: &mut [[f32; PANEL]; ROWS]) {
-        debug_assert!(rows.iter().all(|row| row.len() == self.dim) && panels.len() >= PANEL * self.dim);
+        debug_assert!(rows.iter().all(|row| row.len() == self.dim));
         let product = Product {
             rows: &rows.map(<[f32]>::as_ptr),
             segments: &[self.dim],
-            panel: panels.as_ptr(),
+            panel: panels[..PANEL * self.dim].as_ptr(),
             tile: out.as_flattened_mut().as_mut_ptr(),
             stride: PANEL,
             accumulate: false,
@@ -186,15 +201,14 @@ struct Products<const N: usize>([[f32; PANEL]; N]);
 struct Query<'a> {
     row: &'a [f32],
     length: f32,
+    /// What rounding may add to its products.
+    margin: f32,
+    asked: Asked,
     value: f32,
     pixel: u32,
 }
 
-impl<'a> Query<'a> {
-    fn new(row: &'a [f32]) -> Self {
-        Self { row, length: length(row), value: f32::NEG_INFINITY, pixel: NONE }
-    }
-
+impl Query<'_> {
     fn update(&mut self, products: &[f32; PANEL], pixels: &[u32]) {
         for (product, pixel) in products.iter().zip(pixels).filter(|(_, pixel)| **pixel != NONE) {
             let better = *product > self.value;
@@ -203,6 +217,7 @@ impl<'a> Query<'a> {
                 self.pixel = *pixel;
             }
         }
+        self.asked.raise(self.value);
     }
 }
 
