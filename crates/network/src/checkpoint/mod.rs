@@ -7,12 +7,14 @@ mod convert;
 mod deduce;
 mod fit;
 mod pytorch;
+mod tensor_file;
 mod tensors;
 
 pub(crate) use convert::header;
 pub use convert::{ConvertOptions, Storing};
 pub use deduce::HeadCounts;
 pub use fit::{Expected, Fit, Found, Mismatch, PartFit};
+pub use tensor_file::TensorFile;
 pub use tensors::StoredTensor;
 
 use crate::layout::{DECODER_1, DECODER_2, Layout, Purpose};

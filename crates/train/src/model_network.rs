@@ -1,0 +1,173 @@
+//! The networks of crate `model`, to be trained.
+
+use crate::Error;
+use crate::batch::{PairImages, ViewOutput};
+use crate::network::{Gradients, PairNetwork};
+use burn_tensor::{Device, Tensor};
+use selenograph_model::{Encoding, Features, Images, Model, Output, Parameter};
+use selenograph_network::layout::Part;
+use selenograph_network::{Checkpoint, NetworkConfig};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Which parameters stay as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Frozen {
+    /// All learn.
+    None,
+    /// The encoder's patches and blocks; its last norm learns.
+    #[default]
+    Encoder,
+}
+
+/// A network of crate `model` with what is written into the header of its file.
+pub struct ModelNetwork {
+    model: Model,
+    frozen: Frozen,
+    metadata: BTreeMap<String, String>,
+}
+
+impl ModelNetwork {
+    /// A model to be trained; `metadata` goes into the header of its files beside its configuration.
+    pub fn new(model: Model, frozen: Frozen, metadata: BTreeMap<String, String>) -> Self {
+        Self { model, frozen, metadata }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn trains(&self, parameter: &Parameter) -> bool {
+        let is_frozen = match self.frozen {
+            Frozen::None => false,
+            Frozen::Encoder => matches!(parameter.spec().part, Part::PatchEmbed | Part::Encoder),
+        };
+        parameter.is_computed() && !is_frozen
+    }
+
+    /// The pictures' encodings by `model`, whose blocks are off the tape where they are frozen.
+    fn encode(&self, model: &Model, images: &PairImages) -> Result<Encoding, Error> {
+        let [height, width] = images.size;
+        let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
+        let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
+        let device = model.device();
+        let stored = Images::stored_landscape(images.values.clone(), images.size, &true_sizes, &device);
+        let features: Features = model.encode_blocks(&stored.map_err(layers)?).map_err(layers)?;
+        Ok(model.normalize(&features))
+    }
+
+    fn outputs(&self, model: &Model, images: &PairImages) -> Result<[ViewOutput; 2], Error> {
+        let first = self.encode(model, images)?;
+        let swapped: Vec<usize> = (0..images.portrait.len()).map(|place| place ^ 1).collect();
+        let second = first.select(&swapped).map_err(layers)?;
+        let [a, b] = model.decode(&first, &second).map_err(layers)?;
+        Ok([view(a)?, view(b)?])
+    }
+}
+
+fn layers(error: selenograph_model::Error) -> Error {
+    Error::Layers(Box::new(error))
+}
+
+fn view(output: Output) -> Result<ViewOutput, Error> {
+    let missing = || Error::Batch {
+        what: "the network's output",
+        expected: "descriptors".into(),
+        found: "a network without them".into(),
+    };
+    Ok(ViewOutput {
+        points: output.points,
+        confidence: output.confidence,
+        descriptors: output.descriptors.ok_or_else(missing)?,
+        descriptor_confidence: output.descriptor_confidence.ok_or_else(missing)?,
+    })
+}
+
+impl PairNetwork for ModelNetwork {
+    fn forward(&self, images: &PairImages) -> Result<[ViewOutput; 2], Error> {
+        self.outputs(&self.model, images)
+    }
+
+    fn learn(
+        &self,
+        images: &PairImages,
+        loss: &mut dyn FnMut(&[ViewOutput; 2]) -> Result<Tensor<1>, Error>,
+    ) -> Result<Gradients, Error> {
+        let model = self.model.tracked(&|parameter| self.trains(parameter));
+        let total = loss(&self.outputs(&model, images)?)?;
+        let gradients = model.gradients(&total);
+        let named = model.parameters().iter().zip(gradients.iter());
+        Ok(named.filter_map(|(one, gradient)| Some((one.name().to_owned(), gradient?.clone()))).collect())
+    }
+
+    fn visit(&self, visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>)) {
+        for parameter in self.model.parameters().iter() {
+            visitor(parameter.name(), &parameter.spec().shape, parameter.value().clone());
+        }
+    }
+
+    fn update(
+        &mut self,
+        visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>,
+    ) -> Result<(), Error> {
+        for idx in 0..self.model.parameters().len() {
+            let parameter = self.model.parameters().at(idx);
+            let value = parameter.value().clone();
+            let changed = visitor(parameter.name(), &parameter.spec().shape, value);
+            if let Some(changed) = changed {
+                self.model.parameters_mut().set(idx, changed).map_err(layers)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn device(&self) -> Device {
+        self.model.device()
+    }
+
+    fn metadata(&self) -> BTreeMap<String, String> {
+        self.metadata.clone()
+    }
+
+    fn learns(&self, name: &str) -> bool {
+        self.model.parameters().get(name).is_some_and(|parameter| self.trains(parameter))
+    }
+
+    fn activation_bytes(&self, [height, width]: [usize; 2]) -> u64 {
+        activation_floats(self.model.config(), self.frozen, height * width) * 4
+    }
+}
+
+/// Numbers that the tape keeps of both pictures of a pair, and what comes and goes beside them. An estimate from the
+/// layers' inputs: a block keeps some 20 rows of its width per token and three maps of the attention.
+fn activation_floats(config: &NetworkConfig, frozen: Frozen, num_pixels: usize) -> u64 {
+    /// Rows of a block's width per token: norms, queries, keys, values, products, four of the hidden layer before and after
+    /// its activation, sums.
+    const ROWS_SELF: usize = 20;
+    /// The same with cross-attention.
+    const ROWS_CROSS: usize = 28;
+    /// Maps of scores: products, softmax, and one on the way back.
+    const SCORES: usize = 3;
+    /// Numbers per pixel of a dense head, in widths of its features: convolutions at a half, a quarter and an eighth of the
+    /// size with their activations and upsamplings.
+    const HEAD_WIDTHS: usize = 8;
+    let tokens = num_pixels / config.patch_area();
+    let block = |dim: usize, heads: usize, rows: usize, attentions: usize| {
+        tokens * dim * rows + attentions * SCORES * heads * tokens * tokens
+    };
+    let encoder = match frozen {
+        Frozen::Encoder => 0,
+        Frozen::None => {
+            let one = block(config.encoder.dim, config.encoder.num_heads, ROWS_SELF, 1);
+            2 * config.encoder.num_blocks * one
+        }
+    };
+    // Both views, each pair both ways.
+    let decoder = 4 * config.decoder.num_blocks * block(config.decoder.dim, config.decoder.num_heads, ROWS_CROSS, 2);
+    let descriptors = config.descriptor_channels().unwrap_or(0) * 4
+        + 3 * config.descriptor_hidden_dim() / config.patch_area();
+    let heads = 4 * num_pixels * (HEAD_WIDTHS * config.dpt_fusion_dim + descriptors);
+    (encoder + decoder + heads) as u64
+}

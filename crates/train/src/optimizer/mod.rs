@@ -1,0 +1,13 @@
+//! From gradients to weights.
+
+mod adamw;
+mod average;
+mod clip;
+mod scaling;
+mod schedule;
+
+pub use adamw::{AdamW, AdamWSettings, Moments, decays};
+pub use average::WeightAverage;
+pub use clip::{clip, norm, scale};
+pub use scaling::LossScale;
+pub use schedule::Schedule;

@@ -1,0 +1,13 @@
+//! The run: steps, checkpoints, curves.
+
+pub mod checkpoint;
+pub mod memory;
+pub mod metrics;
+mod settings;
+mod step;
+pub mod tensorboard;
+mod trainer;
+pub mod validation;
+
+pub use settings::{CheckpointSettings, Precision, TrainSettings, ValidationSettings};
+pub use trainer::{BatchSource, Event, Hands, Trainer, Validate, checkpoints, metrics_path};

@@ -1,0 +1,9 @@
+//! Losses, gradients and steps against the reference's.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it read"
+)]
+
+mod goldens;
+mod losses;
