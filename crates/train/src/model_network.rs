@@ -6,7 +6,7 @@ use crate::network::{Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
 use selenograph_model::{Encoding, Features, Images, Model, Output, Parameter};
 use selenograph_network::layout::Part;
-use selenograph_network::{Checkpoint, NetworkConfig};
+use selenograph_network::NetworkConfig;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

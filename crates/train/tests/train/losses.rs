@@ -16,7 +16,7 @@ const POINT_TOLERANCE: f32 = 2e-6;
 fn targets(golden: &Golden, metric: &Golden, device: &Device) -> Targets {
     let settings = AssemblySettings { match_block: 8192, epipolar: false };
     let host = HostBatch::assemble(&golden.pairs(metric), &settings, &mut rng(0, "test", 0, "matches")).unwrap();
-    host.upload(device).targets
+    host.targets(device)
 }
 
 fn assert_close(name: &str, found: f32, expected: f32) {
