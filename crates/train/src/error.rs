@@ -22,7 +22,10 @@ pub enum Error {
     /// The pairs.
     #[error(transparent)]
     Dataset(#[from] selenograph_dataset::Error),
-    /// The network refuses its input, or its parameters.
+    /// The layers of crate `model`.
+    #[error(transparent)]
+    Model(#[from] selenograph_model::Error),
+    /// Another network refuses its input, or its parameters.
     #[error("the network: {0}")]
     Layers(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The report.
@@ -107,11 +110,18 @@ impl Error {
         match self {
             Self::Network(error) => error.hint(),
             Self::Report(error) => error.hint(),
-            Self::Io { action: "write", .. } => Some("is there space, and may you write there? the last checkpoint is whole"),
+            Self::Model(error) => error.hint(),
+            Self::Io { action: "write", .. } => {
+                Some("is there space, and may you write there? the last checkpoint is whole")
+            }
             Self::Io { .. } | Self::Layers(_) | Self::Dataset(_) => None,
-            Self::Batch { .. } => Some("give each batch pairs of one size; `matches.count` holds for all sources"),
+            Self::Batch { .. } => {
+                Some("give each batch pairs of one size; `matches.count` holds for all sources")
+            }
             Self::Settings { .. } => Some("`train presets NAME` prints every key with its value"),
-            Self::Diverged { .. } => Some("a smaller learning rate, or `clip`; the last checkpoint is from before"),
+            Self::Diverged { .. } => {
+                Some("a smaller learning rate, or `clip`; the last checkpoint is from before")
+            }
             Self::Resume { .. } => Some("give the folder that `train run --out` made"),
             Self::BudgetTooShort { .. } => Some("a longer `--for`, a smaller batch, or a smaller network"),
             Self::OutOfMemoryForeseen { .. } => {

@@ -4,9 +4,9 @@ use crate::Error;
 use crate::batch::{PairImages, ViewOutput};
 use crate::network::{Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Encoding, Features, Images, Model, Output, Parameter};
+use selenograph_model::{Images, Inputs, Keep, Model, Output, Parameter};
 use selenograph_network::layout::Part;
-use selenograph_network::NetworkConfig;
+use selenograph_network::{NetworkConfig, checkpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,13 +25,16 @@ pub enum Frozen {
 pub struct ModelNetwork {
     model: Model,
     frozen: Frozen,
+    keep: Keep,
     metadata: BTreeMap<String, String>,
 }
 
 impl ModelNetwork {
-    /// A model to be trained; `metadata` goes into the header of its files beside its configuration.
-    pub fn new(model: Model, frozen: Frozen, metadata: BTreeMap<String, String>) -> Self {
-        Self { model, frozen, metadata }
+    /// A model to be trained; `license` and `provenance` go into the header of its files.
+    pub fn new(model: Model, frozen: Frozen, keep: Keep, license: Option<&str>, provenance: &str) -> Self {
+        let mut metadata = checkpoint::header(model.config(), license);
+        metadata.insert(checkpoint::key::PROVENANCE.to_owned(), provenance.to_owned());
+        Self { model, frozen, keep, metadata }
     }
 
     /// The model.
@@ -46,48 +49,47 @@ impl ModelNetwork {
         };
         parameter.is_computed() && !is_frozen
     }
-
-    /// The pictures' encodings by `model`, whose blocks are off the tape where they are frozen.
-    fn encode(&self, model: &Model, images: &PairImages) -> Result<Encoding, Error> {
-        let [height, width] = images.size;
-        let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
-        let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
-        let device = model.device();
-        let stored = Images::stored_landscape(images.values.clone(), images.size, &true_sizes, &device);
-        let features: Features = model.encode_blocks(&stored.map_err(layers)?).map_err(layers)?;
-        Ok(model.normalize(&features))
-    }
-
-    fn outputs(&self, model: &Model, images: &PairImages) -> Result<[ViewOutput; 2], Error> {
-        let first = self.encode(model, images)?;
-        let swapped: Vec<usize> = (0..images.portrait.len()).map(|place| place ^ 1).collect();
-        let second = first.select(&swapped).map_err(layers)?;
-        let [a, b] = model.decode(&first, &second).map_err(layers)?;
-        Ok([view(a)?, view(b)?])
-    }
 }
 
-fn layers(error: selenograph_model::Error) -> Error {
-    Error::Layers(Box::new(error))
+/// The pictures as the model takes them.
+fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
+    let [height, width] = images.size;
+    let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
+    let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
+    Ok(Images::stored_landscape(images.values.clone(), images.size, &true_sizes, device)?)
 }
 
-fn view(output: Output) -> Result<ViewOutput, Error> {
+/// Places of the first and second view of each item: every pair both ways.
+fn both_ways(images: &PairImages) -> Vec<[usize; 2]> {
+    (0..images.portrait.len()).map(|place| [place, place ^ 1]).collect()
+}
+
+fn views([a, b]: &[Output; 2]) -> Result<[ViewOutput; 2], Error> {
+    Ok([view(a)?, view(b)?])
+}
+
+fn view(output: &Output) -> Result<ViewOutput, Error> {
     let missing = || Error::Batch {
         what: "the network's output",
         expected: "descriptors".into(),
         found: "a network without them".into(),
     };
     Ok(ViewOutput {
-        points: output.points,
-        confidence: output.confidence,
-        descriptors: output.descriptors.ok_or_else(missing)?,
-        descriptor_confidence: output.descriptor_confidence.ok_or_else(missing)?,
+        points: output.points.clone(),
+        confidence: output.confidence.clone(),
+        descriptors: output.descriptors.clone().ok_or_else(missing)?,
+        descriptor_confidence: output.descriptor_confidence.clone().ok_or_else(missing)?,
     })
 }
 
 impl PairNetwork for ModelNetwork {
     fn forward(&self, images: &PairImages) -> Result<[ViewOutput; 2], Error> {
-        self.outputs(&self.model, images)
+        let encoding = self.model.encode(&stored(images, &self.device())?)?;
+        let [first, second] = [0, 1].map(|side| {
+            let places: Vec<usize> = both_ways(images).iter().map(|pair| pair[side]).collect();
+            encoding.select(&places)
+        });
+        views(&self.model.decode(&first?, &second?)?)
     }
 
     fn learn(
@@ -95,10 +97,15 @@ impl PairNetwork for ModelNetwork {
         images: &PairImages,
         loss: &mut dyn FnMut(&[ViewOutput; 2]) -> Result<Tensor<1>, Error>,
     ) -> Result<Gradients, Error> {
-        let model = self.model.tracked(&|parameter| self.trains(parameter));
-        let total = loss(&self.outputs(&model, images)?)?;
-        let gradients = model.gradients(&total);
-        let named = model.parameters().iter().zip(gradients.iter());
+        let stored = stored(images, &self.device())?;
+        let learned = self.model.learn(
+            &|parameter| self.trains(parameter),
+            Inputs::Images(&stored),
+            &both_ways(images),
+            self.keep,
+            &mut |output| loss(&views(output)?),
+        )?;
+        let named = self.model.parameters().iter().zip(learned.gradients.iter());
         Ok(named.filter_map(|(one, gradient)| Some((one.name().to_owned(), gradient?.clone()))).collect())
     }
 
@@ -117,7 +124,7 @@ impl PairNetwork for ModelNetwork {
             let value = parameter.value().clone();
             let changed = visitor(parameter.name(), &parameter.spec().shape, value);
             if let Some(changed) = changed {
-                self.model.parameters_mut().set(idx, changed).map_err(layers)?;
+                self.model.parameters_mut().set(idx, changed)?;
             }
         }
         Ok(())
@@ -165,7 +172,8 @@ fn activation_floats(config: &NetworkConfig, frozen: Frozen, num_pixels: usize) 
         }
     };
     // Both views, each pair both ways.
-    let decoder = 4 * config.decoder.num_blocks * block(config.decoder.dim, config.decoder.num_heads, ROWS_CROSS, 2);
+    let decoder =
+        4 * config.decoder.num_blocks * block(config.decoder.dim, config.decoder.num_heads, ROWS_CROSS, 2);
     let descriptors = config.descriptor_channels().unwrap_or(0) * 4
         + 3 * config.descriptor_hidden_dim() / config.patch_area();
     let heads = 4 * num_pixels * (HEAD_WIDTHS * config.dpt_fusion_dim + descriptors);

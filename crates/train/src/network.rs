@@ -35,8 +35,10 @@ pub trait PairNetwork {
     ///
     /// # Errors
     /// [`Error::Layers`] for a value of another length.
-    fn update(&mut self, visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>)
-    -> Result<(), Error>;
+    fn update(
+        &mut self,
+        visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>,
+    ) -> Result<(), Error>;
 
     /// Whether a parameter learns.
     fn learns(&self, name: &str) -> bool;

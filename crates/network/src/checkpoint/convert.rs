@@ -84,7 +84,7 @@ impl Checkpoint {
 }
 
 /// The texts that every file of ours has.
-pub(crate) fn header(config: &NetworkConfig, license: Option<&str>) -> BTreeMap<String, String> {
+pub fn header(config: &NetworkConfig, license: Option<&str>) -> BTreeMap<String, String> {
     let config = serde_json::to_string(config).unwrap_or_default();
     let mut metadata =
         BTreeMap::from([(key::CONFIG.to_owned(), config), ("format".to_owned(), "pt".to_owned())]);

@@ -10,8 +10,7 @@ mod pytorch;
 mod tensor_file;
 mod tensors;
 
-pub(crate) use convert::header;
-pub use convert::{ConvertOptions, Storing};
+pub use convert::{ConvertOptions, Storing, header};
 pub use deduce::HeadCounts;
 pub use fit::{Expected, Fit, Found, Mismatch, PartFit};
 pub use tensor_file::TensorFile;
@@ -28,10 +27,14 @@ use std::path::{Path, PathBuf};
 use tensors::Source;
 
 /// Keys of a safetensors header that are ours.
-pub(crate) mod key {
+pub mod key {
+    /// The network's dimensions, JSON.
     pub const CONFIG: &str = "config";
+    /// Under which licence the weights are.
     pub const LICENSE: &str = "license";
+    /// Where they come from.
     pub const PROVENANCE: &str = "provenance";
+    /// The reference's description of the network.
     pub const MODEL_STRING: &str = "model_string";
 }
 

@@ -79,7 +79,9 @@ impl HostBatch {
             });
         }
         for pair in pairs {
-            if let Some(found) = [0, 1].map(|view| stored(pair, view)).into_iter().find(|other| *other != size) {
+            if let Some(found) =
+                [0, 1].map(|view| stored(pair, view)).into_iter().find(|other| *other != size)
+            {
                 return Err(Error::Batch {
                     what: "size of a picture",
                     expected: format!("{} × {}, as the first", size[1], size[0]),
@@ -103,7 +105,9 @@ impl HostBatch {
             self.images.portrait.push(order.portrait);
             let rgb = &pair.views[view].rgb.data;
             for channel in 0..3 {
-                self.images.values.extend(order.indices().map(|idx| f32::from(rgb[idx][channel]) / 127.5 - 1.0));
+                self.images
+                    .values
+                    .extend(order.indices().map(|idx| f32::from(rgb[idx][channel]) / 127.5 - 1.0));
             }
         }
         for first in [0, 1] {
@@ -112,7 +116,8 @@ impl HostBatch {
                 if let Some(normals) = &mut self.epipolar_normals {
                     let planes = epipolar_normals(pair, first, view);
                     let order = StorageOrder::of(pair, view);
-                    normals[slot].extend(order.indices().flat_map(|idx| planes.get(idx).copied().unwrap_or_default()));
+                    normals[slot]
+                        .extend(order.indices().flat_map(|idx| planes.get(idx).copied().unwrap_or_default()));
                 }
             }
             self.metric.push(pair.is_metric);
@@ -132,7 +137,8 @@ impl HostBatch {
                 let finite = |point: [f32; 3]| if point[0].is_finite() { point } else { [0.0; 3] };
                 self.points[slot].extend(order.indices().flat_map(|idx| finite(points[idx])));
                 self.valid[slot].extend(order.indices().map(|idx| points[idx][0].is_finite()));
-                self.sky[slot].extend(order.indices().map(|idx| truth.is_some_and(|truth| truth.is_sky(idx))));
+                self.sky[slot]
+                    .extend(order.indices().map(|idx| truth.is_some_and(|truth| truth.is_sky(idx))));
             }
             None => {
                 let len = order.width * order.height;
@@ -259,7 +265,8 @@ impl StorageOrder {
 
     /// Position in the picture, rows first, of each stored pixel.
     fn indices(self) -> impl Iterator<Item = usize> {
-        let (outer, inner) = if self.portrait { (self.width, self.height) } else { (self.height, self.width) };
+        let (outer, inner) =
+            if self.portrait { (self.width, self.height) } else { (self.height, self.width) };
         (0..outer).flat_map(move |outer| {
             (0..inner).map(move |inner| {
                 if self.portrait { inner * self.width + outer } else { outer * self.width + inner }

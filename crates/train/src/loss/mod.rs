@@ -119,13 +119,10 @@ pub fn training_loss(output: &[ViewOutput; 2], targets: &Targets, settings: &Los
 
 /// The test criterion of a batch: regression at valid pixels of both views minus the average precision of the
 /// descriptors, with the pixels `padding` (B × p) of view B as further candidates.
-pub fn test_criterion(
-    output: &[ViewOutput; 2],
-    targets: &Targets,
-    padding: Option<&Tensor<2, Int>>,
-) -> Loss {
+pub fn test_criterion(output: &[ViewOutput; 2], targets: &Targets, padding: Option<&Tensor<2, Int>>) -> Loss {
     let points = normalise(output, targets);
-    let [first, second] = regression(&points, targets, None).map(|pixels| masked_mean(pixels.loss, pixels.mask));
+    let [first, second] =
+        regression(&points, targets, None).map(|pixels| masked_mean(pixels.loss, pixels.mask));
     let mut sum = Sum::new(first.clone() + second.clone());
     sum.report(term::REGRESSION_A, first);
     sum.report(term::REGRESSION_B, second);

@@ -36,7 +36,11 @@ fn targets(metric: [bool; B]) -> Targets {
     let mut stream = rng(11, "loss", 0, "targets");
     let views = [0, 1].map(|_| {
         let (valid, sky) = masks(&mut stream);
-        ViewTarget { points: floats(uniform(&mut stream, B * H * W * 3, -3.0, 5.0), [B, H, W, 3]), valid, sky }
+        ViewTarget {
+            points: floats(uniform(&mut stream, B * H * W * 3, -3.0, 5.0), [B, H, W, 3]),
+            valid,
+            sky,
+        }
     });
     let pixels = [0, 1].map(|_| {
         let drawn: Vec<i32> = (0..B * N).map(|_| stream.index(H * W) as i32).collect();
@@ -170,8 +174,7 @@ fn a_pair_without_truth_or_vertical_gives_zero_and_no_nan() {
     }
     targets.up = targets.up.zeros_like();
     targets.matches = None;
-    let settings =
-        LossSettings { slope_weight: 1.0, normals_weight: 1.0, ..LossSettings::default() };
+    let settings = LossSettings { slope_weight: 1.0, normals_weight: 1.0, ..LossSettings::default() };
     let output = outputs(&values());
     let loss = training_loss(&output, &targets, &settings);
     assert_eq!(loss.total.clone().inner().into_scalar::<f64>(), 0.0);

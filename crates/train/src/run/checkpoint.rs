@@ -134,10 +134,9 @@ impl Checkpoints {
     }
 
     fn last(&self) -> Result<PathBuf, Error> {
-        self.list()?.pop().ok_or_else(|| Error::Resume {
-            path: self.folder.clone(),
-            what: "it holds no checkpoint".into(),
-        })
+        self.list()?
+            .pop()
+            .ok_or_else(|| Error::Resume { path: self.folder.clone(), what: "it holds no checkpoint".into() })
     }
 
     /// Where the last one stands.

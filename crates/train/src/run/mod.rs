@@ -1,6 +1,7 @@
 //! The run: steps, checkpoints, curves.
 
 pub mod checkpoint;
+pub mod feed;
 pub mod memory;
 pub mod metrics;
 mod settings;

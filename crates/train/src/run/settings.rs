@@ -146,10 +146,9 @@ impl TrainSettings {
             ("checkpoint.every_min", self.checkpoint.every_min >= 0.0, "zero or more"),
         ];
         match checks.iter().find(|(_, holds, _)| !holds) {
-            Some((key, _, expected)) => Err(Error::Settings {
-                what: format!("`{key}`"),
-                message: format!("expected {expected}"),
-            }),
+            Some((key, _, expected)) => {
+                Err(Error::Settings { what: format!("`{key}`"), message: format!("expected {expected}") })
+            }
             None => Ok(()),
         }
     }

@@ -13,6 +13,9 @@ use selenograph_network::safetensors::{Entry, Writer};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Shortest step, seconds, so that rates stay numbers.
+const SHORTEST_S: f64 = 1e-9;
+
 /// What the batches of a step add up to.
 #[derive(Default)]
 struct Gathered {
@@ -46,8 +49,8 @@ impl Trainer<'_> {
         }
         self.state.step += 1;
         self.state.elapsed_s = self.elapsed_s();
-        let step_s = (self.state.elapsed_s - began_s).max(f64::MIN_POSITIVE);
-        self.timed = self.timed.map_or(Some((0.0, 0)), |(sum, steps)| Some((sum + step_s, steps + 1)));
+        let step_s = (self.state.elapsed_s - began_s).max(SHORTEST_S);
+        self.timed_from.get_or_insert((self.state.elapsed_s, self.state.step));
         self.report(StepRecord {
             step: self.state.step,
             epoch: self.epoch_at(self.state.step),
@@ -72,7 +75,8 @@ impl Trainer<'_> {
         let network = &*self.hands.network;
         let mut targets = batch.targets(&network.device());
         if let Some(teacher) = self.hands.teacher {
-            targets = targets.taught_by(&teacher.forward(&batch.images)?, self.settings.teacher_min_confidence);
+            targets =
+                targets.taught_by(&teacher.forward(&batch.images)?, self.settings.teacher_min_confidence);
         }
         let share = 1.0 / self.settings.accumulate as f64;
         let factor = self.state.loss_scale.map_or(1.0, |scale| scale.factor());
@@ -155,7 +159,8 @@ fn keep(path: &PathBuf, batch: &HostBatch) -> Result<(), Error> {
         element: ElementType::F32,
         shape: shape.clone(),
     };
-    let pairs = batch.provenance.iter().map(|from| format!("{} {} at {}", from.source, from.pair_id, from.position));
+    let pairs =
+        batch.provenance.iter().map(|from| format!("{} {} at {}", from.source, from.pair_id, from.position));
     let metadata = BTreeMap::from([("pairs".to_owned(), pairs.collect::<Vec<_>>().join("; "))]);
     let mut writer = Writer::create(path, arrays.iter().map(entry).collect(), &metadata)?;
     for (_, _, values) in &arrays {

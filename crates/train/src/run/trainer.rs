@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// Share of a budget after which the rest of it is sized.
 const SIZED_AFTER: f64 = 0.05;
-/// Steps that are timed before a budget is sized; the first one is slower than the others and does not count.
+/// Steps that are timed before a budget is sized.
 const TIMED_STEPS: u64 = 3;
 /// The weights of the best validation, among the checkpoints.
 const BEST: &str = "best.safetensors";
@@ -44,7 +44,7 @@ pub struct Hands<'a> {
     /// Whose predictions stand in for the truth.
     pub teacher: Option<&'a dyn PairNetwork>,
     /// Held-out pairs.
-    pub validate: Option<&'a mut Validate<'a>>,
+    pub validate: Option<Box<Validate<'a>>>,
     /// Time since 1970, never going back.
     pub clock: &'a dyn Fn() -> Duration,
     /// Seconds that this run may take, earlier sittings included; the steps are sized to it.
@@ -82,9 +82,11 @@ pub struct Trainer<'a> {
     /// Clock at the start of this sitting, earlier sittings taken off.
     epoch_zero: Duration,
     saved_at_s: f64,
-    /// Seconds of the steps of this sitting, and how many; the first, slower than the others, is left out.
-    pub(super) timed: Option<(f64, u64)>,
+    /// When the first step of this sitting, slower than the others, ended, and its number.
+    pub(super) timed_from: Option<(f64, u64)>,
+    /// What the last checkpoint and the last validation took.
     save_s: f64,
+    validation_s: f64,
 }
 
 /// The checkpoints of the run in `folder`.
@@ -103,8 +105,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// [`Error::Settings`], [`Error::Io`].
     pub fn start(folder: &Path, settings: &'a TrainSettings, hands: Hands<'a>) -> Result<Self, Error> {
-        let total = (settings.epochs * hands.source.batches_per_epoch() as f64
-            / settings.accumulate as f64)
+        let total = (settings.epochs * hands.source.batches_per_epoch() as f64 / settings.accumulate as f64)
             .floor()
             .max(1.0) as u64;
         let state = RunState {
@@ -147,8 +148,9 @@ impl<'a> Trainer<'a> {
             events: EventWriter::create(&folder.join("tensorboard"), now)?,
             epoch_zero: now.saturating_sub(Duration::from_secs_f64(state.elapsed_s)),
             saved_at_s: state.elapsed_s,
-            timed: None,
+            timed_from: None,
             save_s: 0.0,
+            validation_s: 0.0,
             folder: folder.to_owned(),
             settings,
             hands,
@@ -194,16 +196,16 @@ impl<'a> Trainer<'a> {
 
     fn is_over(&self) -> bool {
         let of_time = self.hands.budget_s.is_some_and(|budget| {
-            let spare = self.save_s + self.step_s().unwrap_or(0.0);
+            let spare = self.save_s + self.validation_s + self.step_s().unwrap_or(0.0);
             self.state.step > 0 && self.elapsed_s() + spare > budget
         });
         of_time || self.state.total_steps.is_some_and(|total| self.state.step >= total)
     }
 
-    /// Mean seconds of a step.
+    /// Mean seconds from step to step.
     fn step_s(&self) -> Option<f64> {
-        let (seconds, steps) = self.timed.filter(|(_, steps)| *steps > 0)?;
-        Some(seconds / steps as f64)
+        let (from_s, from) = self.timed_from.filter(|(_, from)| self.state.step > *from)?;
+        Some((self.state.elapsed_s - from_s) / (self.state.step - from) as f64)
     }
 
     /// Fractional epoch of the schedule after `step` steps.
@@ -226,9 +228,10 @@ impl<'a> Trainer<'a> {
         if self.state.step == 1 && elapsed_s + self.save_s > budget_s {
             return Err(Error::BudgetTooShort { budget_s, needed_s: elapsed_s + self.save_s });
         }
-        let is_timed = self.timed.is_some_and(|(_, steps)| steps >= TIMED_STEPS) || elapsed_s > SIZED_AFTER * budget_s;
+        let num_timed = self.timed_from.map_or(0, |(_, from)| self.state.step - from);
+        let is_timed = num_timed >= TIMED_STEPS || elapsed_s > SIZED_AFTER * budget_s;
         if let Some(step_s) = self.step_s().filter(|_| is_timed) {
-            let left = ((budget_s - elapsed_s - self.save_s) / step_s).max(0.0) as u64;
+            let left = ((budget_s - elapsed_s - self.save_s - self.validation_s) / step_s).max(0.0) as u64;
             self.state.total_steps = Some(self.state.step + left);
         }
         Ok(())
@@ -261,6 +264,7 @@ impl<'a> Trainer<'a> {
     }
 
     fn validate(&mut self) -> Result<(), Error> {
+        let began_s = self.elapsed_s();
         let Some(validate) = self.hands.validate.as_mut() else { return Ok(()) };
         let network = &mut *self.hands.network;
         let trained = match &self.average {
@@ -270,7 +274,9 @@ impl<'a> Trainer<'a> {
         let found = validate(network, self.state.step);
         exchange(network, &trained)?;
         let found = found?;
-        let values: Vec<_> = found.values.iter().map(|(name, value)| (format!("validation/{name}"), *value)).collect();
+        self.validation_s = self.elapsed_s() - began_s;
+        let values: Vec<_> =
+            found.values.iter().map(|(name, value)| (format!("validation/{name}"), *value)).collect();
         self.events.scalars((self.hands.clock)(), found.step, &values)?;
         let is_best = self.state.best_score.is_none_or(|best| found.score < best);
         let record = Record::Validation(found);

@@ -66,7 +66,7 @@ impl Golden {
         Tensor::from_data(TensorData::new(values.clone(), shape.clone()), device)
     }
 
-    fn item(&self, name: &str, item: usize) -> &[f32] {
+    pub fn item(&self, name: &str, item: usize) -> &[f32] {
         let (shape, values) = &self.0[name];
         let len = values.len() / shape[0];
         &values[item * len..(item + 1) * len]

@@ -15,7 +15,8 @@ const POINT_TOLERANCE: f32 = 2e-6;
 
 fn targets(golden: &Golden, metric: &Golden, device: &Device) -> Targets {
     let settings = AssemblySettings { match_block: 8192, epipolar: false };
-    let host = HostBatch::assemble(&golden.pairs(metric), &settings, &mut rng(0, "test", 0, "matches")).unwrap();
+    let host =
+        HostBatch::assemble(&golden.pairs(metric), &settings, &mut rng(0, "test", 0, "matches")).unwrap();
     host.targets(device)
 }
 
@@ -64,8 +65,8 @@ fn check_training(file: &str) {
                 // Where there is no truth the reference keeps what it was given, and so may we.
                 let valid = targets.views[view].valid.clone().unsqueeze_dim::<4>(3).expand(found.dims());
                 let expected = golden.tensor::<4>(&format!("regr.{name}_norm{}", view + 1), &Device::flex());
-                let [found, expected] =
-                    [found.clone().inner(), expected].map(|t| values(&t.mask_fill(valid.clone().bool_not(), 0.0)));
+                let [found, expected] = [found.clone().inner(), expected]
+                    .map(|t| values(&t.mask_fill(valid.clone().bool_not(), 0.0)));
                 let error = relative_error(&found, &expected);
                 assert!(error <= POINT_TOLERANCE, "{name} {view}: {error:.1e}");
             }

@@ -7,3 +7,6 @@
 
 mod goldens;
 mod losses;
+mod runs;
+mod scene;
+mod steps;
