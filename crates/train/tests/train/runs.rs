@@ -299,7 +299,7 @@ fn eight_pairs_are_learnt_by_heart() {
     const LEFT: f64 = 0.4;
     let folder = tempfile::tempdir().unwrap();
     let settings = TrainSettings {
-        epochs: 40.0,
+        epochs: 24.0,
         learning_rate: 2e-3,
         min_learning_rate: 1e-5,
         warmup_epochs: 2.0,
