@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::batch::{PairImages, ViewOutput};
-use crate::network::{Gradients, PairNetwork};
+use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
 use selenograph_model::{Images, Inputs, Keep, Model, Output, Parameter};
 use selenograph_network::layout::Part;
@@ -115,14 +115,11 @@ impl PairNetwork for ModelNetwork {
         }
     }
 
-    fn update(
-        &mut self,
-        visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>,
-    ) -> Result<(), Error> {
+    fn update(&mut self, changes: &mut Changes<'_>) -> Result<(), Error> {
         for idx in 0..self.model.parameters().len() {
             let parameter = self.model.parameters().at(idx);
             let value = parameter.value().clone();
-            let changed = visitor(parameter.name(), &parameter.spec().shape, value);
+            let changed = changes(parameter.name(), &parameter.spec().shape, value);
             if let Some(changed) = changed {
                 self.model.parameters_mut().set(idx, changed)?;
             }

@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 /// Gradients by the name of their parameter, flat, outside autodiff.
 pub type Gradients = BTreeMap<String, Tensor<1>>;
 
+/// Is shown each parameter's name, shape and values, and returns new values where it changes them.
+pub type Changes<'a> = dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>> + 'a;
+
 /// A network that gives pointmaps, confidences and descriptors of pairs, and its parameters by name.
 ///
 /// Of P pairs it gives 2P items: `2p` is pair p as (A, B), `2p + 1` as (B, A), each in the frame of its first view.
@@ -35,10 +38,7 @@ pub trait PairNetwork {
     ///
     /// # Errors
     /// [`Error::Layers`] for a value of another length.
-    fn update(
-        &mut self,
-        visitor: &mut dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>,
-    ) -> Result<(), Error>;
+    fn update(&mut self, changes: &mut Changes<'_>) -> Result<(), Error>;
 
     /// Whether a parameter learns.
     fn learns(&self, name: &str) -> bool;

@@ -104,10 +104,9 @@ impl HostBatch {
             let order = StorageOrder::of(pair, view);
             self.images.portrait.push(order.portrait);
             let rgb = &pair.views[view].rgb.data;
-            for channel in 0..3 {
-                self.images
-                    .values
-                    .extend(order.indices().map(|idx| f32::from(rgb[idx][channel]) / 127.5 - 1.0));
+            for channel in [0, 1, 2] {
+                let of = |idx: usize| f32::from(rgb[idx][channel]) / 127.5 - 1.0;
+                self.images.values.extend(order.indices().map(of));
             }
         }
         for first in [0, 1] {

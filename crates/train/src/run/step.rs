@@ -11,7 +11,7 @@ use burn_tensor::Tensor;
 use selenograph_network::ElementType;
 use selenograph_network::safetensors::{Entry, Writer};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Shortest step, seconds, so that rates stay numbers.
 const SHORTEST_S: f64 = 1e-9;
@@ -152,7 +152,7 @@ fn diverged(folder: &Path, step: u64, found: f64, batch: &HostBatch) -> Error {
     }
 }
 
-fn keep(path: &PathBuf, batch: &HostBatch) -> Result<(), Error> {
+fn keep(path: &Path, batch: &HostBatch) -> Result<(), Error> {
     let arrays = batch.arrays();
     let entry = |(name, shape, _): &(&str, Vec<usize>, &[f32])| Entry {
         name: (*name).to_owned(),

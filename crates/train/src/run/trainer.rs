@@ -176,11 +176,13 @@ impl<'a> Trainer<'a> {
             if !is_last && self.is_validation_due() {
                 self.validate()?;
             }
-            if !is_last && self.elapsed_s() - self.saved_at_s >= 60.0 * self.settings.checkpoint.every_min {
-                if let Err(error) = self.save() {
-                    (self.hands.observer)(Event::NotSaved(&error))?;
-                    self.saved_at_s = self.elapsed_s();
-                }
+            let is_due = self.elapsed_s() - self.saved_at_s >= 60.0 * self.settings.checkpoint.every_min;
+            if !is_last
+                && is_due
+                && let Err(error) = self.save()
+            {
+                (self.hands.observer)(Event::NotSaved(&error))?;
+                self.saved_at_s = self.elapsed_s();
             }
         }
         if self.is_over() {

@@ -108,7 +108,7 @@ impl Golden {
         let stored = |x: usize, y: usize| if portrait { x * height + y } else { y * width + x };
         let depth_z = Raster::from_fn(width, height, |x, y| match get("depthmap")[stored(x, y)] {
             sky if sky < 0.0 => f32::INFINITY,
-            absent if absent == 0.0 => f32::NAN,
+            0.0 => f32::NAN,
             depth_z => depth_z,
         });
         let len = width * height;

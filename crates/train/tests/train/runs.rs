@@ -89,7 +89,7 @@ fn curve(folder: &Path) -> Vec<(u64, [u64; 3])> {
 fn weights(network: &dyn PairNetwork) -> Vec<u32> {
     let mut all = Vec::new();
     network.visit(&mut |_, _, value| {
-        all.extend(value.try_to_vec_as::<f32>().unwrap().into_iter().map(f32::to_bits))
+        all.extend(value.try_to_vec_as::<f32>().unwrap().into_iter().map(f32::to_bits));
     });
     all
 }
