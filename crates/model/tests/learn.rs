@@ -6,7 +6,7 @@
 )]
 
 use selenograph_model::{
-    Device, Error, Gradients, Images, Inputs, Keep, Learned, Model, Output, Parameter, Tensor,
+    Device, Error, Gradients, Images, Inputs, Keep, Learned, Model, Output, Parameter, Precision, Tensor,
 };
 use selenograph_network::layout::{Layout, Part, TensorSpec};
 use selenograph_network::{NetworkConfig, Preset, Transformer, random};
@@ -176,5 +176,27 @@ fn gradients_of_halves_add_up() {
     for (sum, once) in sum.iter().zip(twice(Keep::Everything).iter()) {
         let same = sum.zip(once).is_none_or(|(a, b)| a.to_data() == b.to_data());
         assert!(same && sum.is_some() == once.is_some());
+    }
+}
+
+#[test]
+fn products_in_bf16_lose_digits_and_nothing_else() {
+    /// Eight bits of a product's factors, through a network of a dozen layers.
+    const LOSS_TOLERANCE: f64 = 0.02;
+    const LEAST_COSINE: f64 = 0.99;
+    let exact = learn(&model(), Keep::Everything);
+    for keep in [Keep::Everything, Keep::BlockInputs] {
+        let rough = learn(&model().with_precision(Precision::Bf16), keep);
+        let difference = (number(&rough.loss) - number(&exact.loss)).abs();
+        assert!(difference > 0.0, "bf16 was not used");
+        assert!(difference < LOSS_TOLERANCE * number(&exact.loss).abs(), "{difference}");
+        let dot = |a: &Gradients, b: &Gradients| -> f64 {
+            let terms = a.iter().zip(b.iter());
+            terms.filter_map(|(a, b)| Some(number(&(a?.clone() * b?.clone()).sum()))).sum()
+        };
+        let (a, b) = (&exact.gradients, &rough.gradients);
+        let cosine = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
+        println!("loss off by {difference:.1e}, cosine of gradients {cosine:.5}");
+        assert!(cosine > LEAST_COSINE, "{cosine}");
     }
 }
