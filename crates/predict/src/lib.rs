@@ -15,6 +15,7 @@
 
 mod error;
 mod executor;
+mod gather;
 mod grid;
 mod matches;
 mod options;

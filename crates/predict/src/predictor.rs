@@ -1,23 +1,19 @@
 //! A network, loaded once, and what it says of views.
 
 use crate::executor::{Loaded, Report};
+use crate::gather::{Outputs, Seen, gather, nothing};
 use crate::picture::Input;
-use crate::{Density, Error, Executor, Passes, PredictOptions, grid, matches, picture};
-use selenograph_engine::focal::focal_of_pointmap;
+use crate::{Density, Error, Executor, Passes, PredictOptions, grid, picture};
 use selenograph_engine::{Encoding, HeadOutput, Image};
-use selenograph_geometry::{Camera, pixel};
+use selenograph_geometry::Camera;
 use selenograph_network::Checkpoint;
 use selenograph_network::checkpoint::HeadCounts;
 use selenograph_network::input::Plan;
 use selenograph_network::model_string::Family;
 use selenograph_reconstruct::View;
-use selenograph_reconstruct::learned::Learned;
-use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, LearnedInput};
+use selenograph_reconstruct::pipeline::{FocalKnowledge, LearnedInput};
 use serde::Serialize;
 use std::path::Path;
-
-/// Focal lengths that are believed, in widths of the picture: fields of view of 103° to 7°.
-const FOCAL_WIDTHS: std::ops::RangeInclusive<f64> = 0.4..=8.0;
 
 /// A part of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,8 +112,8 @@ pub struct Predictor {
 /// A view that is encoded: for any number of pairs.
 #[derive(Debug, Clone)]
 pub struct EncodedView {
-    camera: Camera,
-    plan: Plan,
+    pub(crate) camera: Camera,
+    pub(crate) plan: Plan,
     encoding: Encoding,
     is_blank: bool,
     notes: Vec<String>,
@@ -237,39 +233,19 @@ impl Predictor {
         focal: FocalKnowledge,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Predicted, Error> {
-        let cameras = [a.camera.clone(), b.camera.clone()];
         let notes = [a.notes.clone(), b.notes.clone()];
-        let match_px = (pixel_side(&a.plan) * pixel_side(&b.plan)).sqrt();
+        let views = [Seen::of(a), Seen::of(b)];
         if a.is_blank || b.is_blank {
             // A network has an answer to blank paper too.
-            let learned = Learned { pointmaps: None, matches: Vec::new(), dense_matches: None, match_px };
-            let focal = assumed(&cameras, focal);
-            return Ok(Predicted { input: LearnedInput { learned, cameras, focal }, notes });
+            return Ok(Predicted { input: nothing(views, focal), notes });
         }
         let both_ways = self.options.passes == Passes::Symmetric || focal == FocalKnowledge::Guessed;
         let (forward, backward) = self.decode([a, b], both_ways, progress)?;
-        let (cameras, focal) = match (&backward, focal) {
-            (Some(backward), FocalKnowledge::Guessed) => {
-                implied_cameras(cameras, [&forward[0], &backward[0]], [&a.plan, &b.plan])
-            }
-            (_, known) => {
-                let focal = assumed(&cameras, known);
-                (cameras, focal)
-            }
-        };
-        let (matches, dense_matches) = if self.about.has_descriptors {
-            progress(Progress { step: Step::Match, done: 0, of: 1 });
-            let backward = backward.as_ref().filter(|_| self.options.passes == Passes::Symmetric);
-            let found = matches::find(&forward, backward, [&a.plan, &b.plan], &self.options)?;
-            progress(Progress { step: Step::Match, done: 1, of: 1 });
-            (found.published, found.dense)
-        } else {
-            (Vec::new(), None)
-        };
-        let mode = self.loaded.config().confidence;
-        let maps = [grid::pointmap(&forward[0], &a.plan, mode), grid::pointmap(&forward[1], &b.plan, mode)];
-        let learned = Learned { pointmaps: Some(maps), matches, dense_matches, match_px };
-        Ok(Predicted { input: LearnedInput { learned, cameras, focal }, notes })
+        progress(Progress { step: Step::Match, done: 0, of: 1 });
+        let outputs = Outputs { forward: &forward, backward: backward.as_ref() };
+        let input = gather(outputs, views, focal, self.loaded.config().confidence, &self.options)?;
+        progress(Progress { step: Step::Match, done: 1, of: 1 });
+        Ok(Predicted { input, notes })
     }
 
     /// Outputs in the frame of A and, where asked for, in that of B; without padding.
@@ -295,46 +271,4 @@ impl Predictor {
         let forward = next(&a.plan, &b.plan).ok_or_else(wrong)?;
         Ok((forward, next(&b.plan, &a.plan)))
     }
-}
-
-/// Side of a pixel of the input in pixels of the picture.
-fn pixel_side(plan: &Plan) -> f64 {
-    plan.source[0] as f64 / plan.resized[0] as f64
-}
-
-fn assumed(cameras: &[Camera; 2], focal: FocalKnowledge) -> FocalSource {
-    match focal {
-        FocalKnowledge::Known => FocalSource::Known,
-        FocalKnowledge::Guessed => {
-            FocalSource::Assumed { focal_px: cameras[0].fx, fov_deg: cameras[0].fov_x_rad().to_degrees() }
-        }
-    }
-}
-
-/// Cameras with the focal lengths that each view's points in its own frame imply; the guessed ones if those are none.
-fn implied_cameras(
-    cameras: [Camera; 2],
-    own: [&HeadOutput; 2],
-    plans: [&Plan; 2],
-) -> ([Camera; 2], FocalSource) {
-    let [focal_a, focal_b] = [0, 1].map(|k| {
-        let (camera, plan) = (&cameras[k], plans[k]);
-        let principal = plan.input_from_source(camera.cx, camera.cy).map(pixel::sample_position);
-        focal_of_pointmap(&own[k].points, own[k].width_px, principal)
-            .map(|focal| focal * pixel_side(plan))
-            .filter(|focal| FOCAL_WIDTHS.contains(&(focal / camera.width.max(camera.height) as f64)))
-    });
-    let (Some(focal_a), Some(focal_b)) = (focal_a, focal_b) else {
-        let source = assumed(&cameras, FocalKnowledge::Guessed);
-        return (cameras, source);
-    };
-    let [a, b] = &cameras;
-    // Nothing says that two pictures of one size have two cameras.
-    let focal_px = if (a.width, a.height) == (b.width, b.height) {
-        [(focal_a * focal_b).sqrt(); 2]
-    } else {
-        [focal_a, focal_b]
-    };
-    let with = |k: usize| Camera { fx: focal_px[k], fy: focal_px[k], ..cameras[k].clone() };
-    ([with(0), with(1)], FocalSource::Pointmaps { focal_px })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// A place with `dataset`: three pairs of 48 × 48 pixels under two lights.
-fn with_dataset() -> Place {
+pub fn with_dataset() -> Place {
     static DATASET: OnceLock<Place> = OnceLock::new();
     let made = DATASET.get_or_init(|| {
         let place = with_terrain();
@@ -30,7 +30,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-fn lines(path: &Path) -> Vec<serde_json::Value> {
+pub fn lines(path: &Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(path).unwrap();
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }

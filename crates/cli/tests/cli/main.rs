@@ -10,6 +10,7 @@ mod evaluate;
 mod frames;
 mod help;
 mod import;
+mod mast3r;
 mod photometry;
 mod program;
 mod reconstruct;

@@ -1,0 +1,162 @@
+//! The method `mast3r` from outside, with networks that have learnt nothing: files and answers are right, terrain is not.
+
+use crate::evaluate::{lines, with_dataset};
+use crate::program::{Place, names};
+use crate::reconstruct::with_pair;
+
+/// Makes `tiny.safetensors` in a place.
+fn with_weights(place: &Place) {
+    place.run("weights random --preset tiny --out tiny.safetensors -q").ok();
+}
+
+const LEARNED: &str = "reconstruct a.png b.png --fov-deg 45 --method mast3r --weights tiny.safetensors";
+
+#[test]
+fn points_without_a_pose_leave_every_file_and_say_what_they_are() {
+    let place = with_pair();
+    with_weights(&place);
+    let answer = place.run(&format!("{LEARNED} --pose-from nothing --out out --json")).ok();
+    let first = answer.stderr.lines().next().unwrap();
+    assert!(
+        first.contains("CPU engine") && first.contains("16442728 parameters") && first.contains("threads")
+    );
+    for said in ["nothing checks them", "metric: false"] {
+        assert!(answer.stderr.contains(said), "{said}: {}", answer.stderr);
+    }
+    assert!(answer.json()["pose"].is_null());
+    let files = names(&place.path("out"));
+    for name in
+        ["cloud.glb", "cloud.las", "cloud.ply", "dem.tif", "hazard.tif", "hillshade.tif", "matches.npz"]
+    {
+        assert!(files.iter().any(|file| file == name), "{name} in {files:?}");
+    }
+    for name in
+        ["pointmaps.npz", "products.json", "reconstruction.json", "report.html", "run.toml", "slope.tif"]
+    {
+        assert!(files.iter().any(|file| file == name), "{name} in {files:?}");
+    }
+    assert!(!files.iter().any(|file| file == "pose.json"));
+    let text = |name: &str| std::fs::read_to_string(place.path("out").join(name)).unwrap();
+    let products: serde_json::Value = serde_json::from_str(&text("products.json")).unwrap();
+    assert_eq!((&products["metric"], &products["scale_source"]), (&false.into(), &"none".into()));
+    let run = text("run.toml");
+    for words in ["tiny.safetensors", "CC0-1.0", "rule = \"whole\"", "pose = \"nothing\""] {
+        assert!(run.contains(words), "{words} in {run}");
+    }
+    assert!(text("report.html").contains("There is no relative pose"));
+    // The same again, whatever the number of threads.
+    place.run(&format!("{LEARNED} --pose-from nothing --out again --threads 1 --no-report -q")).ok();
+    let bytes = |folder: &str| std::fs::read(place.path(folder).join("pointmaps.npz")).unwrap();
+    assert!(bytes("out") == bytes("again"), "one thread gives other points");
+}
+
+#[test]
+fn what_has_learnt_nothing_cannot_say_and_leaves_nothing() {
+    let place = with_pair();
+    with_weights(&place);
+    let before = place.names();
+    for choice in ["", "--pose-from points", "--points-from triangulated", "--symmetric"] {
+        place.run(&format!("{LEARNED} {choice} --out out -q")).refused("cannot say", "");
+    }
+    // The same picture twice.
+    place.run(&format!("{} --out out -q", LEARNED.replace("b.png", "a.png"))).refused("cannot say", "");
+    assert_eq!(place.names(), before);
+}
+
+#[test]
+fn weights_and_devices_that_cannot_be() {
+    let place = with_pair();
+    with_weights(&place);
+    let refused = |line: &str, says: &str, hints: &str| {
+        place.run(&format!("{line} --out out -q")).refused(says, hints);
+    };
+    refused(&LEARNED.replace("--weights tiny.safetensors", ""), "needs the weights", "--weights");
+    refused(&LEARNED.replace("mast3r", "stereo"), "is for the method `mast3r`", "--method mast3r");
+    refused(&format!("{LEARNED} --device cuda"), "no device `cuda`", "--device cpu");
+    refused(
+        &format!("{LEARNED} --pose-from points --cam-b-from-cam-a pose.json"),
+        "cannot be used with",
+        "usage",
+    );
+    place.write("text.safetensors", "no network at all");
+    refused(&LEARNED.replace("tiny", "text"), "not a checkpoint", "safetensors");
+    // One tensor of another shape: the header says twice as many rows as the network needs half of.
+    let whole = std::fs::read(place.path("tiny.safetensors")).unwrap();
+    let (from, to) = (b"\"shape\":[128,512]", b"\"shape\":[512,128]");
+    let at = whole.windows(from.len()).position(|bytes| bytes == from).unwrap();
+    let mut wrong = whole.clone();
+    wrong[at..at + to.len()].copy_from_slice(to);
+    place.write("wrong.safetensors", wrong);
+    let answer = place.run(&format!("{} --out out -q", LEARNED.replace("tiny", "wrong")));
+    for words in ["is [512, 128], expected [128, 512]", "mlp.fc2.weight", "weights info"] {
+        assert!(answer.stderr.contains(words), "{words}: {}", answer.stderr);
+    }
+    assert_eq!(answer.code, 1);
+    place.write("cut.safetensors", &whole[..whole.len() / 2]);
+    refused(&LEARNED.replace("tiny", "cut"), "truncated", "fetch");
+}
+
+#[test]
+fn pictures_below_a_patch_and_of_odd_sizes() {
+    let place = with_pair();
+    with_weights(&place);
+    let picture = |width: usize, height: usize| {
+        let grey = selenograph_raster::Raster::from_fn(width, height, |x, y| (7 * x + 13 * y * y) as u8);
+        selenograph_raster::codec::png::encode_grey8(&grey).unwrap()
+    };
+    let camera = |name: &str, width: usize, height: usize| {
+        let text = format!("width_px = {width}\nheight_px = {height}\nfov_deg = 45.0\n");
+        place.write(name, text);
+    };
+    place.write("a.png", picture(15, 40));
+    place.write("b.png", picture(15, 40));
+    place.run(&format!("{LEARNED} --out out -q")).refused("at least one patch of 16 pixels", "");
+    // Landscape and portrait, padded and made smaller.
+    place.write("a.png", picture(97, 61));
+    place.write("b.png", picture(50, 130));
+    camera("a.toml", 97, 61);
+    camera("b.toml", 50, 130);
+    let line = LEARNED.replace("--fov-deg 45", "--camera-a a.toml --camera-b b.toml");
+    let answer = place.run(&format!("{line} --max-side 96 --pose-from nothing --no-report --out out")).ok();
+    for said in [
+        "`a.png`: for the network resized from 97×61 to 96×60",
+        "`a.png`: for the network padded to 96×64",
+        "`b.png`: for the network resized from 50×130 to 37×96",
+        "`b.png`: for the network padded to 48×96",
+    ] {
+        assert!(answer.stderr.contains(said), "{said}: {}", answer.stderr);
+    }
+    let answer = place
+        .run(&format!("{line} --max-side 96 --input published --pose-from nothing --no-report --out two"));
+    assert!(answer.ok().stderr.contains("cropped to"));
+}
+
+#[test]
+fn an_evaluation_names_its_network_and_goes_on_with_no_other() {
+    let place = with_dataset();
+    with_weights(&place);
+    let line = "evaluate dataset --method mast3r --method plane --weights tiny.safetensors --out evaluation";
+    let first = place.run(&format!("{line} --limit 2 --cross-light=beside --json")).ok().json();
+    // Two pairs, two lights, both ways of mixing them, two methods.
+    assert_eq!((&first["num_items"], &first["num_resumed"]), (&16.into(), &0.into()));
+    let settings = first["methods"]["mast3r"]["settings"].as_str().unwrap();
+    for words in ["tiny.safetensors", "BLAKE3", "CC0-1.0", "the whole picture"] {
+        assert!(settings.contains(words), "{words}: {settings}");
+    }
+    let found = lines(&place.path("evaluation/mast3r/metrics.jsonl"));
+    assert_eq!(found.len(), 8);
+    for line in &found {
+        // No pose, but points everywhere: they are measured.
+        assert_eq!((&line["pose_failed"], &line["full"]["coverage"]), (&true.into(), &1.0.into()), "{line}");
+    }
+    let again = place.run(&format!("{line} --limit 2 --cross-light=beside --json")).ok().json();
+    assert_eq!(again["num_resumed"], 16);
+    place.run("weights random --preset tiny --seed 2 --out tiny.safetensors --force -q").ok();
+    place
+        .run(&format!("{line} --limit 2 --cross-light=beside -q"))
+        .refused("other methods or settings", "--force");
+    place.run("evaluate dataset --method mast3r --out other -q").refused("needs the weights", "--weights");
+    place
+        .run("evaluate dataset --method plane --weights tiny.safetensors --out other -q")
+        .refused("is for the method `mast3r`", "");
+}
