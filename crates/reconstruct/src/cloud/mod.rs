@@ -142,7 +142,8 @@ fn color(coloring: Coloring, view_idx: usize, grey: f32) -> [u8; 3] {
 
 /// The coordinates of a grid in words.
 pub fn describe(frame: &GridFrame) -> String {
-    let unit = if frame.is_metric() { "metres" } else { "baselines (no scale source)" };
+    let unit =
+        if frame.is_metric() { "metres" } else { "no scale source: baselines, or a network's own unit" };
     match frame {
         GridFrame::Map { crs, .. } => {
             let (radius, name) = (crs.body.radius_m, &crs.body.name);

@@ -166,11 +166,12 @@ fn matches(pictures: &Pictures, found: &Reconstruction, names: [&str; 2]) -> any
             color: if m.inlier { VIEW_2 } else { VIEW_1 },
         })
         .collect();
-    let caption = format!(
-        "{} of {} matches; green agree with the pose, red do not. Grey levels are stretched for looking.",
-        lines.len(),
-        found.matches.len()
-    );
+    let judged = match found.prediction.cam_b_from_cam_a {
+        Ok(_) => "green agree with the pose, red do not",
+        Err(_) => "no pose says which are right",
+    };
+    let (shown, all) = (lines.len(), found.matches.len());
+    let caption = format!("{shown} of {all} matches; {judged}. Grey levels are stretched for looking.");
     Ok(Figure::svg(side_by_side(&photo_a, &photo_b, names, &lines, 520.0), &caption))
 }
 
