@@ -2,7 +2,7 @@
 //!
 //! `engine_bench WEIGHTS` packs a checkpoint and obeys the lines it is given, answering each with a line of JSON:
 //! `pair HEIGHT WIDTH IMAGES OUTPUTS` (two images as the network wants them, raw f32; both views' outputs, likewise),
-//! `symmetric` (that pair both ways), `cached` (from its encodings), `match` (the last outputs' descriptors), `gemm`.
+//! `match` (their descriptors), `symmetric` (the pair both ways), `gemm`.
 //! `engine_bench` alone times the matching of made-up descriptors. `RAYON_NUM_THREADS` sets the threads.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program talks to its user")]
 
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use selenograph_engine::matching::{DescriptorMap, Matcher};
-use selenograph_engine::{Encoding, Engine, HeadOutput, Image, Probe, Stage, Yardstick};
+use selenograph_engine::{Engine, HeadOutput, Image, Probe, Stage, Yardstick};
 use selenograph_network::Checkpoint;
 use serde_json::{Value, json};
 
@@ -68,7 +68,6 @@ struct Bench {
     engine: Engine,
     size_px: (usize, usize),
     images: Vec<f32>,
-    encodings: Vec<Encoding>,
     outputs: Vec<HeadOutput>,
 }
 
@@ -78,7 +77,7 @@ impl Bench {
         checkpoint.check_complete().unwrap();
         let mut source = |name: &str| checkpoint.read_with_shape(name).map_err(Into::into);
         let engine = Engine::new(checkpoint.config(), &mut source).unwrap();
-        Self { engine, size_px: (0, 0), images: Vec::new(), encodings: Vec::new(), outputs: Vec::new() }
+        Self { engine, size_px: (0, 0), images: Vec::new(), outputs: Vec::new() }
     }
 
     fn image(&self, idx: usize) -> Image<'_> {
@@ -92,10 +91,10 @@ impl Bench {
         self.images = floats(&std::fs::read(images).unwrap());
         self.outputs.clear();
         let start = Clock::now();
-        self.encodings = self.engine.encode(&[self.image(0), self.image(1)]).unwrap();
+        let encodings = self.engine.encode(&[self.image(0), self.image(1)]).unwrap();
         let encoded = Clock::now();
         let mut stamps = Stamps::default();
-        let pair = (&self.encodings[0], &self.encodings[1]);
+        let pair = (&encodings[0], &encodings[1]);
         self.outputs.extend(self.engine.decode_probed(&[pair], &mut stamps).unwrap().swap_remove(0));
         let (decoded, end) = (stamps.decoded.unwrap(), Clock::now());
         let mut file = std::io::BufWriter::new(std::fs::File::create(outputs).unwrap());
@@ -121,6 +120,13 @@ impl Bench {
         time_matching([map(0), map(1)])
     }
 
+    fn symmetric(&mut self) -> Value {
+        // Nobody who wants both ways holds a former result, too.
+        self.outputs.clear();
+        let (engine, a, b) = (&self.engine, self.image(0), self.image(1));
+        json!(seconds(&mut || engine.infer_symmetric(a, b).map(drop).unwrap()))
+    }
+
     fn obey(&mut self, line: &str) -> Value {
         let words: Vec<&str> = line.split_whitespace().collect();
         let whole = |word: &str| word.parse::<usize>().unwrap();
@@ -128,12 +134,7 @@ impl Bench {
             ["pair", height, width, images, outputs] => {
                 self.pair(whole(height), whole(width), images, outputs)
             }
-            ["symmetric"] => json!(seconds(&mut || {
-                self.engine.infer_symmetric(self.image(0), self.image(1)).map(drop).unwrap();
-            })),
-            ["cached"] => json!(seconds(&mut || {
-                self.engine.decode(&[(&self.encodings[0], &self.encodings[1])]).map(drop).unwrap();
-            })),
+            ["symmetric"] => self.symmetric(),
             ["match"] => self.matched(),
             ["gemm"] => json!(gemm_gflop_s()),
             _ => json!({ "error": format!("cannot obey `{line}`") }),
