@@ -220,7 +220,7 @@ impl Recomputing<'_> {
 
     fn collect(&mut self, tape: &mut Tape) {
         let own = Gradients::collect(self.tracked.parameters(), tape);
-        self.gradients = std::mem::take(&mut self.gradients).plus(own);
+        self.gradients = std::mem::replace(&mut self.gradients, Gradients::none(0)).plus(own);
     }
 }
 

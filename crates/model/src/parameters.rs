@@ -160,7 +160,7 @@ fn flat(spec: &TensorSpec, values: Vec<f32>, device: &Device) -> Result<Tensor<1
 }
 
 /// Gradients of a loss by each parameter, in the parameters' order; `None` where there is none.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Gradients {
     list: Vec<Option<Tensor<1>>>,
 }
@@ -191,7 +191,7 @@ impl Gradients {
         Self { list: self.list.into_iter().map(|each| each.map(change)).collect() }
     }
 
-    /// Adds those of another part of the batch.
+    /// Adds those of another part of the batch, of the same network.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         let sum = |pair: (Option<Tensor<1>>, Option<Tensor<1>>)| match pair {
@@ -199,5 +199,27 @@ impl Gradients {
             (a, b) => a.or(b),
         };
         Self { list: self.list.into_iter().zip(other.list).map(sum).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selenograph_network::Preset;
+
+    #[test]
+    fn tensors_that_do_not_fit_are_named() {
+        let config = Preset::Tiny.config();
+        let layout = Layout::new(&config).unwrap();
+        let spec = |name: &str| layout.get(name).map(|spec| spec.shape.clone()).unwrap();
+        let read = |spoiled: &dyn Fn(&str) -> std::result::Result<NamedTensor, SourceError>| {
+            Parameters::read(&config, &Device::flex(), &mut |name| spoiled(name)).unwrap_err()
+        };
+        let absent = read(&|name| Err(format!("no {name}").into()));
+        assert!(matches!(absent, Error::Weights { name, .. } if name == "mask_token"));
+        let shape = read(&|_| Ok((vec![3], vec![0.0; 3])));
+        assert!(matches!(shape, Error::TensorShape { found, .. } if found == [3]));
+        let length = read(&|name| Ok((spec(name), Vec::new())));
+        assert!(matches!(length, Error::TensorLength { found: 0, .. }));
     }
 }

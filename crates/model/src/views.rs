@@ -164,8 +164,11 @@ impl<Stage> Tokens<Stage> {
     /// Those of the images at these places, in this order; a place may come more than once.
     ///
     /// # Errors
-    /// [`Error::Views`] for a place that is not there.
+    /// [`Error::Views`] for a place that is not there, or for none.
     pub fn select(&self, places: &[usize]) -> Result<Self> {
+        if places.is_empty() {
+            return Err(Error::views("number of places in the batch", "at least 1", 0));
+        }
         if let Some(outside) = places.iter().find(|place| **place >= self.grid.count()) {
             return Err(Error::views("place in the batch", format!("below {}", self.grid.count()), outside));
         }
@@ -194,4 +197,42 @@ pub(crate) fn gather<const D: usize>(groups: &[(bool, Vec<usize>)], parts: Vec<T
         back[*place] = position;
     }
     select(Tensor::cat(parts, 0), &back)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_that_do_not_fit_are_errors() {
+        let device = Device::flex();
+        let zeros = |count: usize| vec![0.0_f32; count];
+        assert!(Images::upright(zeros(3 * 16 * 16 - 1), [1, 16, 16], &device).is_err());
+        assert!(Images::upright(Vec::new(), [0, 16, 16], &device).is_err());
+        assert!(Images::upright(zeros(3 * 16 * 24), [1, 16, 24], &device).unwrap().grid(16).is_err());
+        let stored =
+            |size, true_size| Images::stored_landscape(zeros(3 * 16 * 32), size, &[true_size], &device);
+        assert!(stored([32, 16], [32, 16]).is_err());
+        assert!(stored([16, 32], [16, 16]).is_err());
+        let portrait = stored([16, 32], [32, 16]).unwrap();
+        assert_eq!(portrait.grid(16).unwrap().upright(portrait.transposed[0]), [2, 1]);
+        let grid = portrait.grid(16).unwrap();
+        assert!(Features::from_values(zeros(7), grid.clone(), 4, &device).is_err());
+        let features = Features::from_values(zeros(8), grid, 4, &device).unwrap();
+        assert!(features.select(&[0, 1]).is_err());
+        assert!(features.select(&[]).is_err());
+        assert_eq!(features.select(&[0, 0]).unwrap().grid.transposed, [true, true]);
+    }
+
+    #[test]
+    fn groups_come_back_in_order() {
+        let grid = Grid { rows: 1, columns: 2, transposed: vec![true, false, true, false, false] };
+        let numbers = |places: &[usize]| {
+            let values: Vec<f32> = places.iter().map(|place| *place as f32).collect();
+            Tensor::<1>::from_data(TensorData::new(values, [places.len()]), &Device::flex())
+        };
+        let groups = grid.groups();
+        let parts = groups.iter().map(|(_, places)| numbers(places)).collect();
+        assert_eq!(gather(&groups, parts).try_into_vec_as::<f32>().unwrap(), [0.0, 1.0, 2.0, 3.0, 4.0]);
+    }
 }
