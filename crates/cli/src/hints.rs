@@ -110,6 +110,9 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::UnknownPreset { .. } => some("`selenograph presets` lists them"),
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
         Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
+        Error::Unusable { .. } => some(
+            "`selenograph data check` says what is wrong with a dataset; `faults = \"replace\"` trains without such pairs",
+        ),
         _ => None,
     }
 }

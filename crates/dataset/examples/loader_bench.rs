@@ -112,6 +112,8 @@ fn main() -> Outcome<()> {
             match_rule,
             augmentation,
             num_workers: arguments.number("--workers", 2)?,
+            // Few samples are made that are not taken.
+            queue_batches: 1,
             ..LoaderOptions::default()
         };
         let mixture = Arc::new(Mixture::new(vec![source], options)?);

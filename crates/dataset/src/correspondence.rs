@@ -13,8 +13,8 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use selenograph_geometry::{Cam, Camera, Rigid3, pixel};
 use serde::{Deserialize, Serialize};
 
-/// Ground that lies this many pixels' ground beyond what the other view sees there is hidden from it. Larger than what a
-/// half float or the nearest pixel on a slope can be off.
+/// Ground that lies this many pixels' ground beyond what the other view sees there is hidden from it: more than the steps of
+/// a half float.
 const HIDDEN_GSDS: f64 = 3.0;
 
 /// Which pixels make a match.
@@ -39,7 +39,7 @@ pub struct Matches {
     pub valid: Vec<bool>,
 }
 
-/// A view's camera and truth.
+/// A view's camera and truth. Lens distortion is left aside: views are rectified before they are learned from.
 #[derive(Debug, Clone, Copy)]
 pub struct Sighted<'a> {
     /// The camera.
@@ -53,16 +53,17 @@ pub struct Sighted<'a> {
 /// camera's centre.
 ///
 /// # Source
-/// `mast3r.md` §7.4.
+/// The training data of Leroy, Cabon, Revaud 2024, "Grounding Image Matching in 3D with MASt3R".
 pub fn landings(from: Sighted<'_>, to: Sighted<'_>) -> Vec<u32> {
     let carrier = Carrier::new(from, to);
     let clip = |value: f64, side: usize| {
         // A point at the other camera's centre has no projection; the reference draws it to the first pixel too.
         (pixel::sample_position(value).round_ties_even().max(0.0) as usize).min(side - 1)
     };
-    (0..from.truth.depth_z.data.len())
-        .map(|idx| {
-            let place = carrier.project(&carrier.point(idx));
+    carrier
+        .points()
+        .map(|point| {
+            let place = carrier.project(&point);
             (clip(place.x, to.camera.width) + clip(place.y, to.camera.height) * to.camera.width) as u32
         })
         .collect()
@@ -72,43 +73,29 @@ pub fn landings(from: Sighted<'_>, to: Sighted<'_>) -> Vec<u32> {
 /// the terrain is not at hand. Where it is, [`crate::covisibility::correspondence`] casts rays instead.
 pub fn sights(from: Sighted<'_>, to: Sighted<'_>) -> Vec<Sight> {
     let carrier = Carrier::new(from, to);
-    let sight = |idx: usize| {
+    let sight = |(idx, point): (usize, Vector3<f64>)| {
         if !from.truth.is_valid(idx) {
             return Sight::Absent;
         }
-        let point = carrier.point(idx);
         let place = carrier.project(&point);
         if point.z <= 0.0 || !in_frame(to.camera, Some(place)) {
             return Sight::Outside;
         }
-        match farthest_near(to.truth, &place) {
+        match to.truth.depth_z_at(to.camera, &place) {
             Some(seen_z) if point.z > seen_z + HIDDEN_GSDS * to.camera.gsd_m(point.z) => Sight::Hidden(place),
             Some(_) => Sight::Seen(place),
             None => Sight::Absent,
         }
     };
-    (0..from.truth.depth_z.data.len()).map(sight).collect()
-}
-
-/// The largest depth of the pixels round a place; `None` if the pixel that holds it has none.
-fn farthest_near(truth: &ViewTruth, place: &Point2<f64>) -> Option<f64> {
-    let depth_z = &truth.depth_z;
-    let at = |x: i64, y: i64| {
-        let idx = usize::try_from(x).ok()? + usize::try_from(y).ok()? * depth_z.width;
-        (x < depth_z.width as i64 && y < depth_z.height as i64 && truth.is_valid(idx))
-            .then(|| f64::from(depth_z.data[idx]))
-    };
-    let holder = at(pixel::index_of(place.x), pixel::index_of(place.y))?;
-    let corner = [place.x, place.y].map(|value| pixel::index_of(pixel::sample_position(value)));
-    let around = [(0, 0), (1, 0), (0, 1), (1, 1)];
-    Some(around.iter().filter_map(|(dx, dy)| at(corner[0] + dx, corner[1] + dy)).fold(holder, f64::max))
+    carrier.points().enumerate().map(sight).collect()
 }
 
 /// The way of pixels from one view into another.
 struct Carrier<'a> {
     from: Sighted<'a>,
     to: &'a Camera,
-    rotation: Matrix3<f64>,
+    /// Rays of homogeneous pixels, in the other camera's axes.
+    to_ray_from_pixel: Matrix3<f64>,
     shift: Vector3<f64>,
 }
 
@@ -116,23 +103,32 @@ impl<'a> Carrier<'a> {
     fn new(from: Sighted<'a>, to: Sighted<'a>) -> Self {
         // The world drops out first, so that its large coordinates cost no digits.
         let motion: Rigid3<Cam, Cam> = &to.truth.world_from_cam.inverse() * &from.truth.world_from_cam;
-        Self { from, to: to.camera, rotation: motion.rotation(), shift: motion.origin().coords }
+        let Camera { fx, fy, cx, cy, .. } = from.camera;
+        let ray_from_pixel = Matrix3::new(1.0 / fx, 0.0, -cx / fx, 0.0, 1.0 / fy, -cy / fy, 0.0, 0.0, 1.0);
+        Self {
+            from,
+            to: to.camera,
+            to_ray_from_pixel: motion.rotation() * ray_from_pixel,
+            shift: motion.origin().coords,
+        }
     }
 
-    /// A pixel's point in the other camera's frame.
-    fn point(&self, idx: usize) -> Vector3<f64> {
-        let width = self.from.camera.width;
-        let center = Point2::new(pixel::center_of(idx % width), pixel::center_of(idx / width));
-        let depth_z =
-            if self.from.truth.is_valid(idx) { f64::from(self.from.truth.depth_z.data[idx]) } else { 0.0 };
-        let ray = self.from.camera.ray_z1(&center).unwrap_or_default();
-        self.rotation * (ray * depth_z) + self.shift
+    /// Every pixel's point in the other camera's frame, rows first.
+    fn points(&self) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        let depth_z = &self.from.truth.depth_z;
+        depth_z.rows().enumerate().flat_map(move |(y, row)| {
+            row.iter().enumerate().map(move |(x, z)| {
+                let z = if *z > 0.0 && z.is_finite() { f64::from(*z) } else { 0.0 };
+                let pixel = Vector3::new(pixel::center_of(x), pixel::center_of(y), 1.0);
+                self.to_ray_from_pixel * pixel * z + self.shift
+            })
+        })
     }
 
     /// Continuous pixel of a point, also of one behind the camera; NaN at its centre.
     fn project(&self, point: &Vector3<f64>) -> Point2<f64> {
-        let (x, y) = self.to.distortion.distort(point.x / point.z, point.y / point.z);
-        Point2::new(self.to.fx * x + self.to.cx, self.to.fy * y + self.to.cy)
+        let Camera { fx, fy, cx, cy, .. } = self.to;
+        Point2::new(fx * (point.x / point.z) + cx, fy * (point.y / point.z) + cy)
     }
 }
 

@@ -5,9 +5,13 @@
 mod goldens;
 
 use goldens::Golden;
-use selenograph_dataset::augment::{Draft, Fidelity, Turn, rescale};
+use selenograph_dataset::augment::{Augmentation, Draft, Fidelity, Turn, rescale};
 use selenograph_dataset::correspondence::{MatchPool, Sighted};
+use selenograph_dataset::loader::{Loader, LoaderOptions, Mixture, Source};
+use selenograph_dataset::pair::ViewName;
 use selenograph_geometry::PixelConvention;
+use selenograph_raster::statistics;
+use std::sync::Arc;
 
 #[test]
 fn shared_reciprocal_correspondences() {
@@ -96,5 +100,38 @@ fn shared_rescaling() {
         assert!(worst <= LEVELS, "{worst}");
         assert_eq!(view.truth.unwrap().depth_z.data, golden.raster("rescale.depth").data);
         assert!((view.camera.k(PixelConvention::Center) - golden.matrix("rescale.K")).amax() < STORED);
+    }
+}
+
+#[test]
+fn shared_pairs_of_the_paper_are_learned_from() {
+    let Some(folder) = goldens::shared("training pairs of the paper", "data/stereolunar") else { return };
+    for (augmentation, convention) in [
+        (Augmentation::published(), PixelConvention::Center),
+        (Augmentation::physical(), PixelConvention::Corner),
+    ] {
+        let source = Source::triplets("paper", &folder, None, convention).unwrap();
+        assert_eq!(source.num_pairs(), 3);
+        let is_published = augmentation.fidelity == Fidelity::Published;
+        let options = LoaderOptions { batch_size: 3, augmentation, ..LoaderOptions::default() };
+        let mixture = Arc::new(Mixture::new(vec![source], options).unwrap());
+        let batch = Loader::start(mixture, 0).unwrap().next_batch().unwrap();
+        for pair in &batch.pairs {
+            assert_eq!((pair.views[0].rgb.width, pair.matches.valid.len()), (512, 8192));
+            let [of_a, of_b] = ViewName::BOTH.map(|view| pair.points(view, ViewName::A).unwrap());
+            let at = |points: &[[f32; 3]], [x, y]: [u32; 2]| points[(x + 512 * y) as usize];
+            let gsds = pair.matches.valid.iter().enumerate().filter(|(_, valid)| **valid).map(|(n, _)| {
+                let (a, b) = (at(&of_a, pair.matches.a[n]), at(&of_b, pair.matches.b[n]));
+                let apart = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+                apart / pair.views[0].camera.gsd_m(f64::from(a[2]))
+            });
+            // Rounding to a pixel of B, on slanted ground, and the steps of half floats.
+            let median = statistics::median(gsds).unwrap();
+            assert!(median < 1.5, "{median}");
+            // The farthest two percent, and in some windows a rim beyond the picture.
+            let truth = pair.views[0].truth.as_ref().unwrap();
+            let absent = truth.depth_z.data.iter().filter(|z| z.is_nan()).count() as f64 / 512.0 / 512.0;
+            assert!(if is_published { (0.0..0.1).contains(&absent) } else { absent < 0.01 }, "{absent}");
+        }
     }
 }

@@ -51,7 +51,7 @@ impl Turn {
     /// [`crate::Error::Geometry`] for an empty window or target.
     ///
     /// # Source
-    /// `mast3r.md` §7.3.
+    /// The training data of Leroy, Cabon, Revaud 2024, "Grounding Image Matching in 3D with MASt3R".
     pub fn onto(
         camera: &Camera,
         window: [f64; 4],

@@ -4,7 +4,8 @@
 //! only brightness and contrast can change them, since saturation and hue leave a grey pixel as it is.
 //!
 //! # Source
-//! `mast3r.md` §7.1; OpenCV's documentation of `bilateralFilter`; Pillow's of `ImageEnhance` and `Image.blend`.
+//! The run of the StereoLunar paper (ICCV 2025); OpenCV's documentation of `bilateralFilter`; Pillow's of `ImageEnhance` and
+//! `Image.blend`.
 
 use crate::rng::Stream;
 use selenograph_raster::Raster;

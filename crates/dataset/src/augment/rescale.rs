@@ -17,7 +17,8 @@ const SCALE_MARGIN: f64 = 1e-8;
 /// [`Error::Geometry`] for an empty target.
 ///
 /// # Source
-/// `mast3r.md` §7.2 for [`Fidelity::Published`]; otherwise depth is interpolated, and the camera scaled as the pixels are.
+/// For [`Fidelity::Published`], the training data of Leroy, Cabon, Revaud 2024, "Grounding Image Matching in 3D with MASt3R";
+/// otherwise depth is interpolated, and the camera scaled as the pixels are.
 pub fn cover(draft: Draft, target: [usize; 2], fidelity: Fidelity) -> Result<Draft, Error> {
     let size = [draft.camera.width, draft.camera.height];
     let ratio = |side: usize| target[side] as f64 / size[side] as f64;

@@ -6,9 +6,6 @@ use nalgebra::{Matrix3, Point2, Vector3};
 use selenograph_geometry::{Camera, pixel};
 use selenograph_raster::Raster;
 
-/// Neighbouring pixels whose depths differ by more than this many pixels' ground are not of one surface.
-const JUMP_GSDS: f64 = 20.0;
-
 /// The place that a homography gives a continuous pixel; NaN where it has none.
 pub fn through(homography: &Matrix3<f64>, x: f64, y: f64) -> Point2<f64> {
     let p = homography * Vector3::new(x, y, 1.0);
@@ -67,8 +64,7 @@ pub fn picture(
 
 /// The depths of a view in a camera turned about the same centre; `source_axis` is the new camera's optical axis in the old one.
 ///
-/// [`Fidelity::Published`] takes the pixel that holds the place; otherwise inverse depths are interpolated (they are linear
-/// across a plane) within one surface, and the pixel's own is taken at its rim.
+/// [`Fidelity::Published`] takes the pixel that holds the place, [`Fidelity::Exact`] what [`ViewTruth::depth_z_at`] finds there.
 pub fn depth_z(
     camera: &Camera,
     truth: &ViewTruth,
@@ -94,27 +90,7 @@ pub fn depth_z(
         }
         match fidelity {
             Fidelity::Published => scaled(&Point2::from(holder.map(pixel::center_of)), own),
-            Fidelity::Exact => scaled(&at, surface_at(source, camera, &at).unwrap_or(own)),
+            Fidelity::Exact => scaled(&at, truth.depth_z_at(camera, &at).unwrap_or(own)),
         }
     })
-}
-
-/// Depth between four pixels of one surface; `None` beside absent pixels and jumps.
-fn surface_at(depth_z: &Raster<f32>, camera: &Camera, at: &Point2<f64>) -> Option<f64> {
-    let split = |value: f64, side: usize| {
-        // The outer half of a border pixel goes on as its inner half began.
-        let position = pixel::sample_position(value).clamp(0.0, side as f64 - 1.0);
-        let first = (position as usize).min(side.saturating_sub(2));
-        (first, pixel::sample_position(value) - first as f64)
-    };
-    let ((x, tx), (y, ty)) = (split(at.x, depth_z.width), split(at.y, depth_z.height));
-    let z = |dx: usize, dy: usize| depth_z.get(x + dx, y + dy).map(|z| f64::from(*z));
-    let corners = [z(0, 0)?, z(1, 0)?, z(0, 1)?, z(1, 1)?];
-    let (near, far) = corners.iter().fold((f64::INFINITY, 0.0f64), |(a, b), z| (a.min(*z), b.max(*z)));
-    // A comparison with NaN is false.
-    if !(near > 0.0 && far - near <= JUMP_GSDS * camera.gsd_m(near)) || corners.iter().any(|z| z.is_nan()) {
-        return None;
-    }
-    let weights = [(1.0 - tx) * (1.0 - ty), tx * (1.0 - ty), (1.0 - tx) * ty, tx * ty];
-    Some(1.0 / corners.iter().zip(weights).map(|(z, weight)| weight / z).sum::<f64>())
 }

@@ -8,26 +8,29 @@ use selenograph_raster::Raster;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// A file of the goldens, announced as the house wants it.
-pub fn open(name: &str, file: &str) -> Option<Golden> {
+/// A file or folder of the shared data, announced as the house wants it.
+pub fn shared(name: &str, inside: &str) -> Option<PathBuf> {
     let shared = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
         PathBuf::from,
     );
-    let path = shared.join("golden").join(file);
-    if !path.is_file() {
-        println!("SKIP shared-data: no goldens");
+    let path = shared.join(inside);
+    if !path.exists() {
+        println!("SKIP shared-data: no {inside}");
         return None;
     }
     println!("RAN shared-data: {name}");
-    let bytes = std::fs::read(path).unwrap();
+    Some(path)
+}
+
+/// A file of the goldens.
+pub fn open(name: &str, file: &str) -> Option<Golden> {
+    let bytes = std::fs::read(shared(name, &format!("golden/{file}"))?).unwrap();
     let tensors = SafeTensors::deserialize(&bytes).unwrap().tensors();
-    Some(Golden(
-        tensors
-            .into_iter()
-            .map(|(name, view)| (name, (view.shape().to_vec(), numbers(view.dtype(), view.data()))))
-            .collect(),
-    ))
+    let read = |view: safetensors::tensor::TensorView<'_>| {
+        (view.shape().to_vec(), numbers(view.dtype(), view.data()))
+    };
+    Some(Golden(tensors.into_iter().map(|(name, view)| (name, read(view))).collect()))
 }
 
 fn numbers(dtype: Dtype, bytes: &[u8]) -> Vec<f64> {
