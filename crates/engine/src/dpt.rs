@@ -44,7 +44,14 @@ pub(crate) struct DptHead {
     weights3: Vec<f32>,
     bias3: Vec<f32>,
     zeros: Vec<f32>,
-    name: &'static str,
+}
+
+/// One view's tokens at the four hooks, their grid, and what its head is called.
+pub(crate) struct Hooks<'a> {
+    pub tokens: [&'a [f32]; 4],
+    pub height: usize,
+    pub width: usize,
+    pub name: &'static str,
 }
 
 /// A map on its way through the head.
@@ -76,12 +83,7 @@ impl Fusion {
 }
 
 impl DptHead {
-    pub(crate) fn read(
-        reader: &mut Reader<'_>,
-        config: &NetworkConfig,
-        prefix: &str,
-        name: &'static str,
-    ) -> Result<Self> {
+    pub(crate) fn read(reader: &mut Reader<'_>, config: &NetworkConfig, prefix: &str) -> Result<Self> {
         let (dims, fusion) = (config.dpt_dims, config.dpt_fusion_dim);
         let act = format!("{prefix}.act_postprocess");
         let scratch = format!("{prefix}.scratch");
@@ -114,7 +116,6 @@ impl DptHead {
             weights3: reader.values(&format!("{prefix}.head.4.weight"), &[MAP_CHANNELS, last, 1, 1])?,
             bias3: reader.values(&format!("{prefix}.head.4.bias"), &[MAP_CHANNELS])?,
             zeros: vec![0.0; widest],
-            name,
         })
     }
 
@@ -130,22 +131,21 @@ impl DptHead {
         fusions + layers.chain(rest).map(Packed::num_bytes).sum::<usize>()
     }
 
-    /// From the tokens of the four hooks (`height × width` of them) to `[16 height, 16 width, 4]`.
+    /// To `[16 height, 16 width, 4]`.
     pub(crate) fn run(
         &self,
         context: &Context<'_>,
-        hooks: [&[f32]; 4],
-        (height, width): (usize, usize),
+        hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
         out: &mut [f32],
     ) {
         let mut fused: Option<Level<'_>> = None;
         for idx in (0..4).rev() {
-            let level = self.prepare(context, idx, hooks[idx], (height, width), watch);
-            fused = Some(self.fuse(context, idx, level, fused, (height, width), watch));
+            let level = self.prepare(context, idx, hooks, watch);
+            fused = Some(self.fuse(context, idx, level, fused, hooks, watch));
         }
         if let Some(fused) = fused {
-            self.finish(context, &fused, watch, out);
+            self.finish(context, &fused, hooks, watch, out);
         }
     }
 
@@ -176,13 +176,12 @@ impl DptHead {
         &self,
         context: &Context<'p>,
         idx: usize,
-        tokens: &[f32],
-        (height, width): (usize, usize),
+        hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
     ) -> Level<'p> {
-        let dim = self.dims[idx];
+        let (dim, width, height) = (self.dims[idx], hooks.width, hooks.height);
         let mut data = context.pool.take(height * width * dim);
-        context.linear(tokens, &self.reduce[idx], &Finish::store(&mut data, dim));
+        context.linear(hooks.tokens[idx], &self.reduce[idx], &Finish::store(&mut data, dim));
         let reduced = Level { data, width, height };
         let level = match idx {
             0 | 1 => self.unfolded(context, idx, &reduced),
@@ -194,7 +193,7 @@ impl DptHead {
                 Level { data, width: half_width, height: half_height }
             }
         };
-        watch.see(|| format!("{}.act{idx}", self.name), &[level.height, level.width, dim], &level.data);
+        watch.see(|| format!("{}.act{idx}", hooks.name), &[level.height, level.width, dim], &level.data);
         level
     }
 
@@ -220,7 +219,7 @@ impl DptHead {
         idx: usize,
         level: Level<'p>,
         coarser: Option<Level<'p>>,
-        (height, width): (usize, usize),
+        hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
     ) -> Level<'p> {
         let fusion = &self.fusions[idx];
@@ -232,7 +231,7 @@ impl DptHead {
         let finish = Finish::store(&mut sum.data, dim).with_positive(&mut positive.data);
         self.conv(context, &level, 1, &self.to_fusion[idx], &finish);
         drop(level);
-        watch.see(|| format!("{}.layer_rn{idx}", self.name), &[level_height, level_width, dim], &sum.data);
+        watch.see(|| format!("{}.layer_rn{idx}", hooks.name), &[level_height, level_width, dim], &sum.data);
         if let (Some(join), Some(coarser)) = (&fusion.join, &coarser) {
             let finish = Finish::store(&mut hidden.data, dim).with(Activation::Relu);
             self.conv(context, &positive, 1, &join.conv1, &finish);
@@ -249,7 +248,7 @@ impl DptHead {
         // it has a quarter of the pixels.
         context.linear(&sum.data, &fusion.project, &Finish::store(&mut positive.data, dim));
         drop(sum);
-        self.enlarge(context, idx, positive, (height, width), watch)
+        self.enlarge(context, idx, positive, hooks, watch)
     }
 
     /// Twice the size, cut to the next level's; the last one is enlarged by the convolution that reads it.
@@ -258,12 +257,12 @@ impl DptHead {
         context: &Context<'p>,
         idx: usize,
         from: Level<'p>,
-        (height, width): (usize, usize),
+        hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
     ) -> Level<'p> {
         let channels = self.fusions[idx].project.outputs;
         let pixels = Pixels { data: &from.data, width: from.width, height: from.height, channels };
-        let name = || format!("{}.refinenet{}", self.name, idx + 1);
+        let name = || format!("{}.refinenet{}", hooks.name, idx + 1);
         let (full_width, full_height) = (2 * from.width, 2 * from.height);
         if watch.wants_values() {
             let mut all = context.pool.take(full_width * full_height * channels);
@@ -274,13 +273,20 @@ impl DptHead {
             return from;
         }
         // Only the coarsest level can be larger than needed: its resolution was rounded up.
-        let (width, height) = if idx == 3 { (width, height) } else { (full_width, full_height) };
+        let (width, height) = if idx == 3 { (hooks.width, hooks.height) } else { (full_width, full_height) };
         let mut data = context.pool.take(width * height * channels);
         pixels.enlarge(context.level, width, &mut data);
         Level { data, width, height }
     }
 
-    fn finish(&self, context: &Context<'_>, fused: &Level<'_>, watch: &mut Watch<'_>, out: &mut [f32]) {
+    fn finish(
+        &self,
+        context: &Context<'_>,
+        fused: &Level<'_>,
+        hooks: &Hooks<'_>,
+        watch: &mut Watch<'_>,
+        out: &mut [f32],
+    ) {
         let (width, height) = (2 * fused.width, 2 * fused.height);
         let channels = self.fusions[0].project.outputs;
         let pixels = Pixels { data: &fused.data, width: fused.width, height: fused.height, channels };
@@ -319,6 +325,6 @@ impl DptHead {
                 }
             },
         );
-        watch.see(|| format!("{}.dpt_out", self.name), &[2 * height, 2 * width, MAP_CHANNELS], out);
+        watch.see(|| format!("{}.dpt_out", hooks.name), &[2 * height, 2 * width, MAP_CHANNELS], out);
     }
 }

@@ -5,9 +5,10 @@ use selenograph_network::config::{NetworkConfig, Transformer};
 
 use crate::attention::Grid;
 use crate::buffer::{Loan, Pool};
+use crate::dpt::Hooks;
 use crate::error::{Error, Result, SourceError};
 use crate::gemm::Finish;
-use crate::head::{Head, Hooks};
+use crate::head::Head;
 use crate::kernel::Simd;
 use crate::output::HeadOutput;
 use crate::packed::Packed;
@@ -103,8 +104,8 @@ impl Engine {
             decoders: [decoder(reader, "dec_blocks")?, decoder(reader, "dec_blocks2")?],
             decoder_norm: reader.norm("dec_norm", dec.dim)?,
             heads: [
-                Head::read(reader, config, "downstream_head1", "head1")?,
-                Head::read(reader, config, "downstream_head2", "head2")?,
+                Head::read(reader, config, "downstream_head1")?,
+                Head::read(reader, config, "downstream_head2")?,
             ],
         })
     }
@@ -279,7 +280,8 @@ impl Engine {
                 let grid = grids[side][idx];
                 let level = |hook: usize| &hooks[side][hook][grid.first * dim..][..grid.num_tokens() * dim];
                 let tokens = [sides[side][idx].tokens.as_slice(), level(0), level(1), level(2)];
-                let hooks = Hooks { tokens, height: grid.height, width: grid.width };
+                let name = ["head1", "head2"][side];
+                let hooks = Hooks { tokens, height: grid.height, width: grid.width, name };
                 let output = self.heads[side].run(&context, &hooks, watch);
                 watch.finished(Stage::Head { pair: idx, view: side });
                 output

@@ -2,7 +2,7 @@
 
 use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig};
 
-use crate::dpt::{DptHead, MAP_CHANNELS};
+use crate::dpt::{DptHead, Hooks, MAP_CHANNELS};
 use crate::error::Result;
 use crate::gemm::{Finish, Input, gemm};
 use crate::output::{HeadOutput, unpack_descriptors, unpack_map};
@@ -28,14 +28,6 @@ pub(crate) struct Head {
     descriptors: Option<DescriptorHead>,
     patch_px: usize,
     modes: (DepthMode, ConfidenceMode),
-    name: &'static str,
-}
-
-/// One view's tokens at the four hooks, and their grid.
-pub(crate) struct Hooks<'a> {
-    pub tokens: [&'a [f32]; 4],
-    pub height: usize,
-    pub width: usize,
 }
 
 impl DescriptorHead {
@@ -64,23 +56,17 @@ impl DescriptorHead {
 }
 
 impl Head {
-    pub(crate) fn read(
-        reader: &mut Reader<'_>,
-        config: &NetworkConfig,
-        prefix: &str,
-        name: &'static str,
-    ) -> Result<Self> {
+    pub(crate) fn read(reader: &mut Reader<'_>, config: &NetworkConfig, prefix: &str) -> Result<Self> {
         let local = format!("{prefix}.head_local_features");
         let descriptors = match config.descriptor_dim {
             Some(dim) => Some(DescriptorHead::read(reader, config, &local, dim)?),
             None => None,
         };
         Ok(Self {
-            dpt: DptHead::read(reader, config, &format!("{prefix}.dpt"), name)?,
+            dpt: DptHead::read(reader, config, &format!("{prefix}.dpt"))?,
             descriptors,
             patch_px: config.patch_px,
             modes: (config.depth_mode, config.confidence),
-            name,
         })
     }
 
@@ -96,7 +82,7 @@ impl Head {
         let mut confidence = vec![0.0; num_pixels];
         {
             let mut map = context.pool.take(MAP_CHANNELS * num_pixels);
-            self.dpt.run(context, hooks.tokens, (hooks.height, hooks.width), watch, &mut map);
+            self.dpt.run(context, hooks, watch, &mut map);
             unpack_map(&map, self.modes, &mut points, &mut confidence);
         }
         let mut output = HeadOutput {
@@ -130,7 +116,7 @@ impl Head {
         gemm(context.level, &Input::Pair { parts }, num_tokens, &head.fc1, &finish);
         let mut raw = context.pool.take(num_tokens * head.fc2.outputs);
         context.linear(&hidden, &head.fc2, &Finish::store(&mut raw, head.fc2.outputs));
-        watch.see(|| format!("{}.mlp_out", self.name), &[num_tokens, head.fc2.outputs], &raw);
+        watch.see(|| format!("{}.mlp_out", hooks.name), &[num_tokens, head.fc2.outputs], &raw);
         let num_pixels = output.confidence.len();
         output.descriptor_dim = head.dim;
         output.descriptors = vec![0.0; num_pixels * head.dim];
