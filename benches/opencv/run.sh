@@ -16,8 +16,8 @@ work=${CARGO_TARGET_DIR:-target}/opencv
 mkdir -p "$work"
 [ -x "$work/venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$work/venv"
 "$work/venv/bin/python" -c 'import cv2' 2>/dev/null || "$work/venv/bin/pip" install -q opencv-python-headless numpy
-cargo build --release -q -p selenograph-reconstruct --example pose_bench
-ours=${CARGO_TARGET_DIR:-target}/release/examples/pose_bench
+cargo build --release -q -p selenograph-reconstruct --example pair_pose_bench
+ours=${CARGO_TARGET_DIR:-target}/release/examples/pair_pose_bench
 
 log=$work/pose_rounds.log
 : > "$log"

@@ -1,4 +1,4 @@
-//! Times the relative pose of one pair: `pose_bench A.png B.png FOV_DEG [ROUNDS]` (`benches/opencv/run.sh` runs it beside OpenCV).
+//! Times the relative pose of one pair: `pair_pose_bench A.png B.png FOV_DEG [ROUNDS]` (`benches/opencv/run.sh` runs it beside OpenCV).
 //!
 //! Prints a line a round with the wall time of the whole, its steps, and what was found.
 #![allow(clippy::print_stdout, reason = "an example for engineers")]
@@ -13,7 +13,7 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [a, b, fov_deg, rest @ ..] = arguments.as_slice() else {
-        return Err("usage: pose_bench A.png B.png FOV_DEG [ROUNDS]".into());
+        return Err("usage: pair_pose_bench A.png B.png FOV_DEG [ROUNDS]".into());
     };
     let fov_rad = fov_deg.parse::<f64>()?.to_radians();
     let rounds: usize = rest.first().map_or(Ok(5), |rounds| rounds.parse())?;
