@@ -72,7 +72,7 @@ pub enum Error {
         found: String,
     },
     /// Too few points for what is to be made of them.
-    #[error("{what} needs at least {needed} points, there are {found}")]
+    #[error("cannot say: too few points for {what}: {found}, at least {needed} are needed")]
     TooFewPoints {
         /// What is to be made.
         what: &'static str,

@@ -37,7 +37,7 @@ pub struct Lifted<'a> {
 /// [`Error::TooFewPoints`] for a prediction without points; [`Error::SizeMismatch`] if the rasters of a view differ in
 /// size.
 pub fn lift<'a>(prediction: &'a Prediction, frame: &GridFrame) -> Result<Lifted<'a>, Error> {
-    let none = || Error::TooFewPoints { what: "a grid", needed: 3, found: 0 };
+    let none = || Error::TooFewPoints { what: "an elevation model", needed: 3, found: 0 };
     let views = prediction.views.as_ref().ok_or_else(none)?;
     let sample = sampled_points(prediction);
     if sample.is_empty() {

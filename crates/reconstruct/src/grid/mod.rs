@@ -156,7 +156,11 @@ fn ground_sampling(views: &[LiftedView; 2]) -> Result<f64, Error> {
         }
     }
     let found = sides.len();
-    median(sides).filter(|side| *side > 0.0).ok_or(Error::TooFewPoints { what: "a grid", needed: 3, found })
+    median(sides).filter(|side| *side > 0.0).ok_or(Error::TooFewPoints {
+        what: "an elevation model",
+        needed: 3,
+        found,
+    })
 }
 
 /// Share of the points left out at each side before the extent is taken: a few blunders must not blow up the grid.
@@ -178,7 +182,7 @@ fn lay_out(lifted: &Lifted, cell: f64, options: &GridOptions) -> Result<(Layout,
             })
         };
         let step = (all().count() / 65_536).max(1);
-        let none = Error::TooFewPoints { what: "a grid", needed: 3, found: 0 };
+        let none = Error::TooFewPoints { what: "an elevation model", needed: 3, found: 0 };
         let [low, high] = quantiles(all().step_by(step), [OUTSIDE, 1.0 - OUTSIDE]).ok_or(none)?;
         let margin = MARGIN * (high - low);
         let (least, most) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
