@@ -165,33 +165,11 @@ impl<'a> Surface<'a> {
         let (top, left) = (here & RIGHT != 0, here & DOWN != 0);
         let (bottom, far) = (below & RIGHT != 0, right & DOWN != 0);
         // Split between right and below; where one corner is missing or torn off, the other three still make a triangle.
-        let mut drawn = false;
-        for (joined, [a, b, c]) in [(top && left, [0, 1, 2]), (bottom && far, [3, 2, 1])] {
-            if joined {
-                self.draw_triangle(
-                    tile,
-                    layout,
-                    [&corners[a], &corners[b], &corners[c]],
-                    at,
-                    [a, b, c],
-                    fill,
-                );
-                drawn = true;
-            }
-        }
-        if !drawn {
-            for (joined, [a, b, c]) in [(top && far, [1, 3, 0]), (left && bottom, [2, 0, 3])] {
-                if joined {
-                    self.draw_triangle(
-                        tile,
-                        layout,
-                        [&corners[a], &corners[b], &corners[c]],
-                        at,
-                        [a, b, c],
-                        fill,
-                    );
-                }
-            }
+        let halves = [(top && left, [0, 1, 2]), (bottom && far, [3, 2, 1])];
+        let others = [(top && far, [1, 3, 0]), (left && bottom, [2, 0, 3])];
+        let chosen = if halves.iter().any(|(joined, _)| *joined) { halves } else { others };
+        for (_, [a, b, c]) in chosen.into_iter().filter(|(joined, _)| *joined) {
+            self.draw_triangle(tile, layout, [&corners[a], &corners[b], &corners[c]], at, [a, b, c], fill);
         }
     }
 
