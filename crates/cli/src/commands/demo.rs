@@ -31,6 +31,9 @@ const CAMPAIGN: &str = include_str!("../demo.toml");
 /// What the pairs are judged with: ours, the truth itself, and a plane as the lower anchor.
 const METHODS: [&str; 3] = ["stereo", "truth", "plane"];
 
+/// Endings of files that name other files.
+const RECORDS: [&str; 4] = ["toml", "json", "jsonl", "html"];
+
 /// Makes everything below one folder.
 ///
 /// # Errors
@@ -84,6 +87,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
     std::fs::write(at("report.html"), front_page(folder)?)?;
+    name_final_place(folder, [folder, &args.target.out].map(|path| path.display().to_string()).each_ref())?;
     draft.commit()?;
     ui.note(&format!(
         "{:.1} s; open {}",
@@ -151,6 +155,23 @@ fn first_pair(pairs: &Path) -> anyhow::Result<PathBuf> {
         paths.into_iter().min().with_context(|| format!("`{}` is empty", folder.display()))
     };
     first(&first(pairs)?)
+}
+
+/// Records tell where files are: after the move, not before.
+fn name_final_place(folder: &Path, [draft, place]: [&String; 2]) -> anyhow::Result<()> {
+    let context = |path: &Path| format!("cannot read `{}`", path.display());
+    for entry in std::fs::read_dir(folder).with_context(|| context(folder))? {
+        let path = entry?.path();
+        if path.is_dir() {
+            name_final_place(&path, [draft, place])?;
+        } else if path.extension().is_some_and(|ending| RECORDS.iter().any(|record| ending == *record)) {
+            let text = std::fs::read_to_string(&path).with_context(|| context(&path))?;
+            if text.contains(draft) {
+                std::fs::write(&path, text.replace(draft, place))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// One page that leads to everything.
