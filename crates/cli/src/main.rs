@@ -2,9 +2,11 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bytes;
 mod commands;
 mod exit;
 mod hints;
+mod machine;
 mod settings;
 mod target;
 mod ui;

@@ -109,6 +109,12 @@ pub enum Command {
     /// What a campaign resolves to
     #[command(subcommand)]
     Config(campaign::ConfigCommand),
+    /// What runs here: instructions, memory, devices, weights found; text to paste into a report of a fault
+    #[command(
+        after_help = "SELENOGRAPH_WEIGHTS names a folder that is searched, too. Exit code 1 if something that was named cannot be read.\n\n\
+        Example:\n  selenograph doctor weights_folder"
+    )]
+    Doctor(about::Doctor),
     /// Shell completions on stdout
     #[command(
         after_help = "Example:\n  selenograph completions bash > ~/.local/share/bash-completion/completions/selenograph"

@@ -14,6 +14,7 @@ mod dem_import;
 mod dem_info;
 mod dem_synth;
 mod demo;
+mod doctor;
 mod evaluate;
 mod frames;
 mod generate;
@@ -74,6 +75,7 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Weights(WeightsCommand::Random(args)) => weights::random(args, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
+        Command::Doctor(args) => doctor::run(args, ui),
         Command::Completions(args) => completions::run(args, ui),
     }
 }

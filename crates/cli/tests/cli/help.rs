@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 22] = [
+const COMMANDS: [&str; 23] = [
     "demo",
     "dem info",
     "dem import",
@@ -25,6 +25,7 @@ const COMMANDS: [&str; 22] = [
     "weights random",
     "presets",
     "config show",
+    "doctor",
     "completions",
 ];
 

@@ -6,6 +6,7 @@ mod bad_campaign;
 mod bad_input;
 mod campaign;
 mod dem;
+mod doctor;
 mod evaluate;
 mod frames;
 mod help;

@@ -65,6 +65,7 @@ impl Place {
             .current_dir(self.dir.path())
             .env_remove("SELENOGRAPH_SEED")
             .env_remove("SELENOGRAPH_THREADS")
+            .env_remove("SELENOGRAPH_WEIGHTS")
             .env_remove("RUST_BACKTRACE")
             .output()
             .unwrap();
