@@ -61,7 +61,7 @@ fn raster(error: &selenograph_raster::Error) -> Option<String> {
         Error::Io { source, .. } => io(source.kind()),
         Error::Malformed { .. } => some("the file is damaged: fetch or write it again"),
         Error::UnknownFormat { .. } => {
-            some("`gdal_translate in out.tif` turns most other formats into GeoTIFF")
+            some("is it the right file? `gdal_translate in out.tif` turns most other formats into GeoTIFF")
         }
         Error::Unsupported { .. } => {
             some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here")

@@ -14,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod estimate;
 mod executor;
 mod gather;
 mod grid;
@@ -23,6 +24,7 @@ mod picture;
 mod predictor;
 
 pub use error::Error;
+pub use estimate::Estimate;
 pub use executor::Executor;
 pub use options::{Density, Passes, PredictOptions};
 pub use predictor::{About, EncodedView, Predicted, Predictor, Progress, Step};

@@ -23,6 +23,12 @@ pub struct NetworkChoice {
     /// Larger pictures are made smaller, to this longest side
     #[arg(long, value_name = "PX", default_value_t = MAX_SIDE)]
     pub max_side: usize,
+    /// Most memory that the network may take, such as 3GB or 800MB [default: what is free]
+    #[arg(long, value_name = "AMOUNT", value_parser = crate::bytes::parse)]
+    pub max_memory: Option<u64>,
+    /// Say how much time and memory the network would take, and stop
+    #[arg(long)]
+    pub dry_run: bool,
     /// How to read the weights.
     #[command(flatten)]
     pub heads: Heads,
@@ -35,6 +41,8 @@ impl Default for NetworkChoice {
             device: "cpu".into(),
             input: InputRule::Whole,
             max_side: MAX_SIDE,
+            max_memory: None,
+            dry_run: false,
             heads: Heads { encoder_heads: None, decoder_heads: None },
         }
     }

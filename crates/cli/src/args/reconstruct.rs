@@ -60,10 +60,10 @@ pub struct Cameras {
     #[arg(long, value_name = "FILE", requires = "camera_a")]
     pub camera_b: Option<PathBuf>,
     /// Field of view across the width of both pictures, ideal pinhole
-    #[arg(long, value_name = "DEG", conflicts_with_all = ["camera", "camera_a", "focal_px"])]
+    #[arg(long, value_name = "DEG", conflicts_with_all = ["camera", "camera_a", "focal_px"], allow_negative_numbers = true)]
     pub fov_deg: Option<f64>,
     /// Focal length of both pictures in pixels, ideal pinhole
-    #[arg(long, value_name = "PX", conflicts_with_all = ["camera", "camera_a"])]
+    #[arg(long, value_name = "PX", conflicts_with_all = ["camera", "camera_a"], allow_negative_numbers = true)]
     pub focal_px: Option<f64>,
 }
 
@@ -84,13 +84,13 @@ pub struct Known {
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true, conflicts_with = "world_from_cam_a")]
     pub up_in_cam_a: Option<[f64; 3]>,
     /// Height of the first camera over the ground straight below it
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub altitude_m: Option<f64>,
     /// Its standard deviation
     #[arg(long, value_name = "M", requires = "altitude_m")]
     pub altitude_sigma_m: Option<f64>,
     /// Distance between the cameras
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub baseline_m: Option<f64>,
     /// Its standard deviation
     #[arg(long, value_name = "M", requires = "baseline_m")]
@@ -111,7 +111,7 @@ pub struct Known {
 #[command(next_help_heading = "Products")]
 pub struct ProductChoice {
     /// Cell of the elevation model [default: the median distance of neighbouring points]
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub cell_m: Option<f64>,
     /// Ground steeper than this is a hazard
     #[arg(long, value_name = "DEG", default_value_t = MAX_SLOPE_DEG)]

@@ -18,6 +18,8 @@ use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
 use selenograph_evaluate::summary::page::{self, Contents};
 use selenograph_evaluate::summary::{MethodLines, Results, summary_json};
 use selenograph_evaluate::{plots, worst};
+use selenograph_network::Checkpoint;
+use selenograph_reconstruct::pipeline::FocalKnowledge;
 use std::path::Path;
 use std::time::Instant;
 
@@ -32,7 +34,7 @@ const MAX_IN_PAGE: usize = 12;
 /// # Errors
 /// Those of [`score`].
 pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
-    let Scores { results, summary, outcome } = score(args, ui)?;
+    let Some(Scores { results, summary, outcome }) = score(args, ui)? else { return Ok(Outcome::Done) };
     if ui.json {
         ui.data_json(&summary)?;
     } else {
@@ -52,18 +54,22 @@ pub struct Scores {
     pub outcome: Outcome,
 }
 
-/// Evaluates, and writes lines, tables and the report.
+/// Evaluates, and writes lines, tables and the report; `None` after a dry run.
 ///
 /// # Errors
 /// An unknown method, a folder without pairs or without truth, an output folder of something else.
-pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Scores> {
+pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     let methods = methods(&args.methods)?;
     let choice = choice(args)?;
     let source = ui.timed("look at the dataset", || Source::open(&args.dataset, &choice))?;
     if let Some(told) = &source.pixels.told {
         ui.note(&format!("note: {told}"));
     }
-    let network = load_network(&methods, args, ui)?;
+    let checkpoint = open_network(&methods, &source, args, ui)?;
+    if args.network.dry_run {
+        return Ok(None);
+    }
+    let network = checkpoint.map(|checkpoint| load_network(&checkpoint, args, ui)).transpose()?;
     let settings = Settings {
         lights: choice.lights,
         methods: methods.clone(),
@@ -84,7 +90,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Scores> {
         write_report(&source, &outcome, &methods, &results, network.as_ref(), args, ui)
     })?;
     let outcome = if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) };
-    Ok(Scores { results, summary, outcome })
+    Ok(Some(Scores { results, summary, outcome }))
 }
 
 /// Plots, figures, and the page that shows them.
@@ -172,17 +178,26 @@ fn methods(names: &[String]) -> anyhow::Result<Vec<Method>> {
     Ok(methods)
 }
 
-/// The network, where a method needs one.
-fn load_network(methods: &[Method], args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Network>> {
+/// The network's checkpoint, where a method needs one; says what it will take.
+fn open_network(
+    methods: &[Method],
+    source: &Source,
+    args: &Evaluate,
+    ui: &Ui,
+) -> anyhow::Result<Option<Checkpoint>> {
     if !methods.iter().any(|method| method.needs_network()) {
         return network::unused(&args.network).map(|()| None);
     }
-    let weights = network::weights(&args.network)?.to_owned();
-    let options = network::options(&args.network)?;
-    let predictor = network::open(&args.network, &options, ui)?;
-    let sums = ui.timed("checksum of the weights", || checksums(&[weights]))?;
-    let blake3 = sums.into_values().next().unwrap_or_default();
-    Ok(Some(Network::new(predictor, blake3)))
+    // The pictures are not read yet: larger inputs there are none.
+    let pictures = [[args.network.max_side; 2]; 2];
+    let task = network::Task { pictures, focal: FocalKnowledge::Known, num_pairs: source.num_items() };
+    network::open(&args.network, &network::options(&args.network)?, &task, ui).map(Some)
+}
+
+fn load_network(checkpoint: &Checkpoint, args: &Evaluate, ui: &Ui) -> anyhow::Result<Network> {
+    let predictor = network::load(checkpoint, &network::options(&args.network)?, ui)?;
+    let sums = ui.timed("checksum of the weights", || checksums(&[checkpoint.path().to_owned()]))?;
+    Ok(Network::new(predictor, sums.into_values().next().unwrap_or_default()))
 }
 
 /// What to take of the dataset.

@@ -7,6 +7,7 @@ mod bad_input;
 mod campaign;
 mod dem;
 mod doctor;
+mod estimate;
 mod evaluate;
 mod frames;
 mod help;

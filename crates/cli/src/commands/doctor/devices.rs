@@ -5,8 +5,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Backends for graphics cards, and whether this program was built with them.
-const BACKENDS: [(&str, bool, fn() -> Vec<&'static str>); 2] =
-    [("cuda", false, cuda_lacks), ("wgpu", false, wgpu_lacks)];
+const BACKENDS: [(&str, bool); 2] = [("cuda", false), ("wgpu", false)];
 
 /// Where the CUDA toolkit is looked for besides `CUDA_PATH`.
 const CUDA_FOLDERS: [&str; 2] = ["/usr/local/cuda", "/opt/cuda"];
@@ -39,8 +38,8 @@ impl Device {
             description: Some(Simd::detect().name()),
             lacks: Vec::new(),
         };
-        let others = BACKENDS.map(|(name, built, lacks)| {
-            let lacks = lacks();
+        let others = BACKENDS.map(|(name, built)| {
+            let lacks = if name == "cuda" { cuda_lacks() } else { wgpu_lacks() };
             Self { name, ready: built && lacks.is_empty(), built, description: None, lacks }
         });
         [cpu].into_iter().chain(others).collect()

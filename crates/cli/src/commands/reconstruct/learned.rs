@@ -4,6 +4,7 @@ use super::inputs::Pictures;
 use crate::args::reconstruct::{PointsFrom, PoseFrom, Reconstruct};
 use crate::commands::network;
 use crate::ui::Ui;
+use selenograph_network::Checkpoint;
 use selenograph_predict::{About, Density, Passes, PredictOptions};
 use selenograph_reconstruct::learned::{self, LearnedOptions};
 use selenograph_reconstruct::pipeline::{FocalKnowledge, Reconstruction, Stage, reconstruct_learned};
@@ -47,20 +48,30 @@ impl Choice {
         })
     }
 
+    /// Says what the network will take.
+    ///
+    /// # Errors
+    /// Weights that are no checkpoint; more memory than there is.
+    pub fn open(&self, args: &Reconstruct, pictures: &Pictures, ui: &Ui) -> anyhow::Result<Checkpoint> {
+        let task =
+            network::Task { pictures: pictures.sizes(), focal: focal_knowledge(pictures), num_pairs: 1 };
+        network::open(&args.network, &self.run, &task, ui)
+    }
+
     /// Runs the network and places what it says; what was done to the pictures is added to their notes.
     ///
     /// # Errors
     /// Weights that make no network; a picture below one patch; a pair that cannot tell.
     pub fn reconstruct(
         self,
-        args: &Reconstruct,
+        checkpoint: &Checkpoint,
         pictures: &mut Pictures,
         priors: &Priors,
         progress: &mut dyn FnMut(Stage),
         ui: &Ui,
     ) -> anyhow::Result<(Reconstruction, Record)> {
-        let predictor = network::open(&args.network, &self.run, ui)?;
-        let focal = if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed };
+        let predictor = network::load(checkpoint, &self.run, ui)?;
+        let focal = focal_knowledge(pictures);
         let said = network::with_steps(ui, |progress| predictor.predict(&pictures.views, focal, progress))?;
         for (path, notes) in pictures.paths.iter().zip(&said.notes) {
             for note in notes {
@@ -73,4 +84,8 @@ impl Choice {
         let record = Record { network: predictor.about().clone(), run: self.run, geometry: self.geometry };
         Ok((found, record))
     }
+}
+
+fn focal_knowledge(pictures: &Pictures) -> FocalKnowledge {
+    if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed }
 }

@@ -63,11 +63,17 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         ui.note(&format!("note: {note}"));
     }
     let (found, learned) = match learned {
-        Some(choice) => with_stages(ui, |progress| {
-            choice
-                .reconstruct(args, &mut pictures, &priors, progress, ui)
-                .map(|(f, record)| (f, Some(record)))
-        })?,
+        Some(choice) => {
+            let checkpoint = choice.open(args, &pictures, ui)?;
+            if args.network.dry_run {
+                return Ok(Outcome::Done);
+            }
+            with_stages(ui, |progress| {
+                choice
+                    .reconstruct(&checkpoint, &mut pictures, &priors, progress, ui)
+                    .map(|(f, record)| (f, Some(record)))
+            })?
+        }
         None => {
             let [a, b] = &pictures.views;
             let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress))?;

@@ -1,4 +1,8 @@
-//! The network that `reconstruct` and `evaluate` run: found, announced, loaded.
+//! The network that `reconstruct` and `evaluate` run: found, announced with what it will take, loaded.
+
+mod forecast;
+
+pub use forecast::Task;
 
 use crate::args::network::{InputRule, NetworkChoice};
 use crate::exit::refuse;
@@ -49,12 +53,16 @@ pub fn weights(choice: &NetworkChoice) -> anyhow::Result<&Path> {
     })
 }
 
-/// Refuses weights that no method would read.
+/// Refuses what no method would read.
 ///
 /// # Errors
-/// If weights were named.
+/// If weights were named, or a dry run asked for.
 pub fn unused(choice: &NetworkChoice) -> anyhow::Result<()> {
     match &choice.weights {
+        None if choice.dry_run => Err(refuse(
+            "--dry-run is for the method `mast3r`",
+            "pass --method mast3r, or leave --dry-run out: the other methods take seconds and little memory",
+        )),
         None => Ok(()),
         Some(path) => Err(refuse(
             format!("--weights `{}` is for the method `mast3r`", path.display()),
@@ -63,11 +71,16 @@ pub fn unused(choice: &NetworkChoice) -> anyhow::Result<()> {
     }
 }
 
-/// Says what runs, then loads it.
+/// Says what runs and what it will take.
 ///
 /// # Errors
-/// A file that is no checkpoint, or whose tensors do not make its network.
-pub fn open(choice: &NetworkChoice, options: &PredictOptions, ui: &Ui) -> anyhow::Result<Predictor> {
+/// A file that is no checkpoint; a network that would take more memory than there is.
+pub fn open(
+    choice: &NetworkChoice,
+    options: &PredictOptions,
+    task: &Task,
+    ui: &Ui,
+) -> anyhow::Result<Checkpoint> {
     let heads = HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads };
     let checkpoint = Checkpoint::open_with(weights(choice)?, heads)?;
     let about = About::new(&checkpoint, options.executor);
@@ -75,7 +88,16 @@ pub fn open(choice: &NetworkChoice, options: &PredictOptions, ui: &Ui) -> anyhow
     for note in &about.notes {
         ui.note(&format!("note: {note}"));
     }
-    with_steps(ui, |progress| Ok(Predictor::new(&checkpoint, options, progress)?))
+    forecast::tell(choice, &checkpoint, options, task, ui)?;
+    Ok(checkpoint)
+}
+
+/// Loads it.
+///
+/// # Errors
+/// Tensors that do not make its network.
+pub fn load(checkpoint: &Checkpoint, options: &PredictOptions, ui: &Ui) -> anyhow::Result<Predictor> {
+    with_steps(ui, |progress| Ok(Predictor::new(checkpoint, options, progress)?))
 }
 
 /// Runs work that tells how far it is: shown while it lasts, timed with --verbose.
