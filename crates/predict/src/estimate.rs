@@ -50,11 +50,13 @@ impl Estimate {
         let area = |sizes: [[usize; 2]; 2]| sizes.iter().map(|[width, height]| width * height).sum::<usize>();
         let matched =
             config.descriptor_dim.map_or(0, |dim| MATCHED_CHANNEL_BYTES * dim + MATCHED_PIXEL_BYTES);
+        // Matches of both ways are held until both are there.
+        let num_matched = if options.passes == Passes::Symmetric { 2 } else { 1 };
         Ok(Self {
             inputs,
             flops: Flops::of_pair(config, inputs, directions),
             footprint: Footprint::of_pair(config, inputs, directions, num_threads)?,
-            beside: PICTURE_PIXEL_BYTES * area(pictures) + matched * area(inputs),
+            beside: PICTURE_PIXEL_BYTES * area(pictures) + num_matched * matched * area(inputs),
         })
     }
 
@@ -84,7 +86,9 @@ mod tests {
         let one = of(512, Passes::Forward, FocalKnowledge::Known);
         assert_eq!(one.inputs, [[512; 2]; 2]);
         let symmetric = of(512, Passes::Symmetric, FocalKnowledge::Known);
-        assert_eq!(symmetric, of(512, Passes::Forward, FocalKnowledge::Guessed));
+        // Without a focal length both ways are decoded, and one is matched.
+        let guessed = of(512, Passes::Forward, FocalKnowledge::Guessed);
+        assert!(symmetric.flops == guessed.flops && symmetric.bytes() > guessed.bytes());
         assert!(symmetric.bytes() > one.bytes() && symmetric.seconds(1e11) > one.seconds(1e11));
         assert!(of(256, Passes::Forward, FocalKnowledge::Known).bytes() < one.bytes());
         // What is larger than the input is made smaller; the picture itself is still held.

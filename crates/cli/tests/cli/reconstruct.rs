@@ -29,7 +29,7 @@ fn picture(east: f64) -> Vec<u8> {
 }
 
 /// A place with `a.png` and `b.png` of rough ground.
-fn with_pair() -> Place {
+pub fn with_pair() -> Place {
     static PICTURES: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
     let [a, b] = PICTURES.get_or_init(|| [picture(0.0), picture(14.0)]);
     let place = Place::new();
