@@ -203,3 +203,22 @@ fn front_page(folder: &Path) -> anyhow::Result<String> {
     ));
     Ok(page.finish())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_name_the_place_after_the_move() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("deeper")).unwrap();
+        let record = dir.path().join("deeper/run.toml");
+        std::fs::write(&record, "[inputs]\n\"out/.demo.partial/a.png\" = \"1f\"\n").unwrap();
+        let picture = dir.path().join("a.png");
+        std::fs::write(&picture, b"\xff out/.demo.partial").unwrap();
+        let [draft, place] = ["out/.demo.partial", "out/demo"].map(str::to_owned);
+        name_final_place(dir.path(), [&draft, &place]).unwrap();
+        assert_eq!(std::fs::read_to_string(&record).unwrap(), "[inputs]\n\"out/demo/a.png\" = \"1f\"\n");
+        assert_eq!(std::fs::read(&picture).unwrap(), b"\xff out/.demo.partial");
+    }
+}
