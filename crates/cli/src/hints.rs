@@ -33,6 +33,14 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         if let Some(error) = cause.downcast_ref::<selenograph_evaluate::Error>() {
             return evaluate(error);
         }
+        #[cfg(feature = "train")]
+        if let Some(error) = cause.downcast_ref::<selenograph_train::Error>() {
+            return error.hint().map(str::to_owned);
+        }
+        #[cfg(feature = "train")]
+        if let Some(error) = cause.downcast_ref::<selenograph_model::Error>() {
+            return error.hint().map(str::to_owned);
+        }
         cause.downcast_ref::<selenograph_geometry::Error>().and_then(geometry)
     });
     from_cause.or_else(|| io(io_kind(error)?))

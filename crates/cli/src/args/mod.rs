@@ -9,6 +9,7 @@ pub mod frames;
 pub mod network;
 pub mod reconstruct;
 pub mod render;
+pub mod train;
 pub mod weights;
 
 use clap::{Args, Parser, Subcommand};
@@ -103,6 +104,9 @@ pub enum Command {
     /// Checkpoints of networks: what is in them, conversion, random ones
     #[command(subcommand)]
     Weights(weights::WeightsCommand),
+    /// Networks that learn: runs, their settings
+    #[command(subcommand)]
+    Train(train::TrainCommand),
     /// The campaigns that come with the program
     #[command(after_help = "Example:\n  selenograph presets polar-real > mine.toml")]
     Presets(campaign::Presets),

@@ -5,13 +5,18 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const DAY_S: u64 = 86_400;
 
 /// Now, as `2026-01-31T23:59:59Z`.
+pub fn now_utc() -> String {
+    format_utc(since_1970())
+}
+
+/// Time since 1970.
 #[allow(
     clippy::disallowed_methods,
     reason = "the binary stamps runs; everything below it is handed the stamp"
 )]
-pub fn now_utc() -> String {
+pub fn since_1970() -> Duration {
     // A clock before 1970 is told as 1970: the stamp decides nothing.
-    format_utc(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO))
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO)
 }
 
 /// Seconds since 1970 as a date and time of the Gregorian calendar.

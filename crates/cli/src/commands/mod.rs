@@ -27,6 +27,11 @@ mod reconstruct;
 mod render;
 mod run_record;
 mod terrain_info;
+#[cfg(feature = "train")]
+mod train;
+#[cfg(not(feature = "train"))]
+#[path = "train_absent.rs"]
+mod train;
 mod weights;
 
 use crate::args::Command;
@@ -73,6 +78,7 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Weights(WeightsCommand::Info(args)) => weights::info(args, ui),
         Command::Weights(WeightsCommand::Convert(args)) => weights::convert(args, ui),
         Command::Weights(WeightsCommand::Random(args)) => weights::random(args, ui),
+        Command::Train(command) => train::run(command, ui),
         Command::Presets(args) => presets::run(args, ui),
         Command::Config(ConfigCommand::Show(args)) => config_show::run(args, ui),
         Command::Doctor(args) => doctor::run(args, ui),

@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 23] = [
+const COMMANDS: [&str; 26] = [
     "demo",
     "dem info",
     "dem import",
@@ -23,6 +23,9 @@ const COMMANDS: [&str; 23] = [
     "weights info",
     "weights convert",
     "weights random",
+    "train run",
+    "train resume",
+    "train presets",
     "presets",
     "config show",
     "doctor",

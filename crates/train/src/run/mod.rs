@@ -4,6 +4,8 @@ pub mod checkpoint;
 pub mod feed;
 pub mod memory;
 pub mod metrics;
+pub mod page;
+pub mod preset;
 mod settings;
 mod step;
 pub mod tensorboard;

@@ -53,12 +53,8 @@ impl Default for ValidationSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
-    /// Seed of everything random.
-    pub seed: u64,
     /// Epochs.
     pub epochs: f64,
-    /// Pairs of a batch; each is seen from both sides.
-    pub batch: usize,
     /// Batches of a step.
     pub accumulate: usize,
     /// Learning rate after the warm-up.
@@ -71,6 +67,8 @@ pub struct TrainSettings {
     pub frozen: Frozen,
     /// Numbers on a graphics card.
     pub precision: Precision,
+    /// Keep only what goes into each block of the transformers and compute the rest a second time: less memory, more time.
+    pub recompute: bool,
     /// Scale the loss up and the gradients down, and leave out steps that overflow.
     pub loss_scaling: bool,
     /// Longest gradient; longer ones are shortened.
@@ -92,15 +90,14 @@ pub struct TrainSettings {
 impl Default for TrainSettings {
     fn default() -> Self {
         Self {
-            seed: 0,
             epochs: 25.0,
-            batch: 2,
             accumulate: 1,
             learning_rate: 3e-5,
             min_learning_rate: 2e-7,
             warmup_epochs: 0.0,
             frozen: Frozen::Encoder,
             precision: Precision::F32,
+            recompute: false,
             loss_scaling: false,
             clip: None,
             average_decay: None,
@@ -132,7 +129,6 @@ impl TrainSettings {
         let share = |value: f64| (0.0..1.0).contains(&value);
         let checks = [
             ("epochs", self.epochs > self.warmup_epochs, "more than warmup_epochs"),
-            ("batch", self.batch > 0, "one or more"),
             ("accumulate", self.accumulate > 0, "one or more"),
             ("learning_rate", self.learning_rate > 0.0 && self.learning_rate.is_finite(), "above zero"),
             ("min_learning_rate", self.min_learning_rate >= 0.0, "zero or more"),

@@ -57,6 +57,7 @@ pub struct Hands<'a> {
 
 /// What happens in a run.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Event<'a> {
     /// A step was made; seconds that are left, where that is known.
     Step(&'a StepRecord, Option<f64>),

@@ -1,0 +1,201 @@
+//! What was asked for, kept in the run's folder so that it can be gone on with.
+
+use crate::args::train::Run;
+use crate::exit::refuse;
+use crate::ui::Ui;
+use anyhow::Context;
+use selenograph_model::{Device, Keep, Model};
+use selenograph_network::layout::Layout;
+use selenograph_network::{Checkpoint, NetworkConfig, Preset, random};
+use selenograph_train::batch::AssemblySettings;
+use selenograph_train::run::Precision;
+use selenograph_train::run::preset::{RunSettings, preset_text};
+use selenograph_train::{Frozen, ModelNetwork};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The file of a request in a run's folder.
+const FILE: &str = "run.toml";
+
+/// What was asked for.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    pub first_weights: Option<PathBuf>,
+    pub first_network: Option<String>,
+    pub teacher: Option<PathBuf>,
+    pub data: Vec<PathBuf>,
+    pub triplets: Vec<PathBuf>,
+    pub campaign: Option<String>,
+    pub terrain: Option<PathBuf>,
+    pub val: Vec<PathBuf>,
+    pub allow_leak: bool,
+    pub budget_s: Option<f64>,
+    pub device: String,
+    pub settings: RunSettings,
+}
+
+impl Request {
+    /// Of a command line.
+    ///
+    /// # Errors
+    /// Settings that are none.
+    pub fn from_args(args: &Run) -> anyhow::Result<Self> {
+        let absolute = |path: &PathBuf| std::path::absolute(path);
+        let all = |paths: &[PathBuf]| paths.iter().map(absolute).collect::<Result<Vec<_>, _>>();
+        Ok(Self {
+            first_weights: args.start.weights.as_ref().map(absolute).transpose()?,
+            first_network: args.start.network.clone(),
+            teacher: args.start.teacher.as_ref().map(absolute).transpose()?,
+            data: all(&args.pairs.data)?,
+            triplets: all(&args.pairs.triplets)?,
+            campaign: args.pairs.campaign.clone(),
+            terrain: args.pairs.terrain.as_ref().map(absolute).transpose()?,
+            val: all(&args.pairs.val)?,
+            allow_leak: args.pairs.allow_leak,
+            budget_s: args.means.budget_s,
+            device: args.means.device.clone(),
+            settings: settings(args)?,
+        })
+    }
+
+    /// Of a run's folder.
+    ///
+    /// # Errors
+    /// A folder that is no run.
+    pub fn read(folder: &Path) -> anyhow::Result<Self> {
+        let path = folder.join(FILE);
+        let text = std::fs::read_to_string(&path)
+            .with_context(|| format!("`{}` is no run: cannot read `{FILE}`", folder.display()))?;
+        toml::from_str(&text).with_context(|| format!("cannot read `{}`", path.display()))
+    }
+
+    /// Into a run's folder.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
+        let path = folder.join(FILE);
+        std::fs::write(&path, self.to_toml()?).with_context(|| format!("cannot write `{}`", path.display()))
+    }
+
+    /// As a file.
+    ///
+    /// # Errors
+    /// If a value has no form in TOML.
+    pub fn to_toml(&self) -> anyhow::Result<String> {
+        Ok(toml::to_string(self)?)
+    }
+
+    /// How pairs become batches.
+    pub fn assembly(&self) -> AssemblySettings {
+        let loss = &self.settings.learning.loss;
+        AssemblySettings { match_block: loss.matching.block, epipolar: loss.epipolar_weight > 0.0 }
+    }
+
+    /// The network, with the weights of a file or random ones.
+    ///
+    /// # Errors
+    /// Weights of another architecture, a device that cannot.
+    pub fn network(&self, weights: Option<&Path>, device: &Device, ui: &Ui) -> anyhow::Result<ModelNetwork> {
+        let learning = &self.settings.learning;
+        let (model, license) = match (weights, &self.first_network) {
+            (Some(path), _) => read(path, device)?,
+            (None, Some(name)) => (fresh(name, self.settings.loader.seed, device)?, None),
+            (None, None) => {
+                return Err(refuse("no network is named", "pass --weights FILE or --network NAME"));
+            }
+        };
+        if self.first_network.is_some() && learning.frozen == Frozen::Encoder {
+            ui.note("note: an encoder that has learnt nothing stays as it is; `--set learning.frozen=\"none\"` lets it learn");
+        }
+        let precision = match learning.precision {
+            Precision::Bf16 if self.device != "cpu" => selenograph_model::Precision::Bf16,
+            Precision::Bf16 => {
+                ui.note("note: in f32, as bf16 is slower on the CPU");
+                selenograph_model::Precision::F32
+            }
+            Precision::F32 => selenograph_model::Precision::F32,
+        };
+        let provenance =
+            format!("trained by selenograph {} from {}", env!("CARGO_PKG_VERSION"), self.origin());
+        let keep = if learning.recompute { Keep::BlockInputs } else { Keep::Everything };
+        let model = model.with_precision(precision);
+        Ok(ModelNetwork::new(model, learning.frozen, keep, license.as_deref(), &provenance))
+    }
+
+    /// The network whose predictions stand in for the truth.
+    ///
+    /// # Errors
+    /// As [`Request::network`].
+    pub fn teacher(&self, device: &Device, ui: &Ui) -> anyhow::Result<Option<ModelNetwork>> {
+        self.teacher.as_deref().map(|path| self.network(Some(path), device, ui)).transpose()
+    }
+
+    fn origin(&self) -> String {
+        match (&self.first_weights, &self.first_network) {
+            (Some(path), _) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            (None, Some(name)) => format!("a random `{name}`, seed {}", self.settings.loader.seed),
+            (None, None) => String::new(),
+        }
+    }
+}
+
+fn read(path: &Path, device: &Device) -> anyhow::Result<(Model, Option<String>)> {
+    let checkpoint = Checkpoint::open(path)?;
+    checkpoint.check_complete()?;
+    let mut source = |name: &str| Ok(checkpoint.read_with_shape(name)?);
+    let model = Model::new(checkpoint.config(), device, &mut source)?;
+    Ok((model, checkpoint.license().map(str::to_owned)))
+}
+
+fn fresh(name: &str, seed: u64, device: &Device) -> anyhow::Result<Model> {
+    let config: NetworkConfig = Preset::from_name(name)?.config();
+    let layout = Layout::new(&config)?;
+    let mut source = |name: &str| {
+        let spec = layout.get(name).ok_or_else(|| format!("no tensor `{name}`"))?;
+        Ok((spec.shape.clone(), random::values(spec, seed)))
+    };
+    Ok(Model::new(&config, device, &mut source)?)
+}
+
+/// The settings of a command line: preset, file, keys.
+fn settings(args: &Run) -> anyhow::Result<RunSettings> {
+    let choice = &args.settings;
+    let mut layers = Vec::new();
+    if let Some(name) = &choice.preset {
+        layers.push((format!("preset {name}"), preset_text(name)?.to_owned()));
+    }
+    if let Some(path) = &choice.settings {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read `{}`", path.display()))?;
+        layers.push((path.display().to_string(), text));
+    }
+    let mut assign = |flag: &str, key: &str, value: &str| {
+        layers.push((flag.to_owned(), format!("{key} = {value}")));
+    };
+    if let Some(batch) = choice.batch {
+        assign("--batch", "loader.batch_size", &batch.to_string());
+    }
+    if let Some(count) = choice.accumulate {
+        assign("--accumulate", "learning.accumulate", &count.to_string());
+    }
+    if let Some(seed) = choice.seed {
+        assign("--seed", "loader.seed", &seed.to_string());
+    }
+    if args.pairs.skip_faulty {
+        assign("--skip-faulty", "loader.faults", "\"replace\"");
+    }
+    for assignment in &choice.set {
+        let (key, value) = assignment.split_once('=').ok_or_else(|| {
+            refuse(
+                format!("--set {assignment}: no value"),
+                "write it as key=value, such as learning.epochs=3",
+            )
+        })?;
+        assign(&format!("--set {assignment}"), key, value);
+    }
+    Ok(RunSettings::from_layers(&layers)?)
+}
