@@ -14,7 +14,7 @@ const SMALLEST_PROBABILITY: f64 = 1e-8;
 
 /// How descriptors are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct MatchingSettings {
     /// Share in the total loss.
     pub weight: f64,
