@@ -9,6 +9,10 @@ pub mod frames;
 pub mod network;
 pub mod reconstruct;
 pub mod render;
+#[cfg_attr(
+    not(feature = "train"),
+    allow(dead_code, reason = "what can be typed is the same without training")
+)]
 pub mod train;
 pub mod weights;
 
