@@ -28,6 +28,23 @@ pub enum Error {
     /// The executor.
     #[error(transparent)]
     Engine(#[from] selenograph_engine::Error),
+    /// A device that this build cannot use.
+    #[error("this build has no device `{name}` for networks")]
+    Device {
+        /// What was asked for.
+        name: String,
+    },
+    /// burn.
+    #[cfg(feature = "burn")]
+    #[error(transparent)]
+    Model(#[from] selenograph_model::Error),
+    /// What a device computed does not come back.
+    #[cfg(feature = "burn")]
+    #[error("the device does not give its results back: {said}")]
+    Reading {
+        /// What it said.
+        said: String,
+    },
 }
 
 impl Error {
@@ -42,6 +59,13 @@ impl Error {
             }
             Self::Network(error) => error.hint(),
             Self::Engine(error) => error.hint(),
+            Self::Device { .. } => Some(
+                "pass --device cpu, or leave it out; graphics cards need a build with `--features cuda` or `--features wgpu`",
+            ),
+            #[cfg(feature = "burn")]
+            Self::Model(error) => error.hint(),
+            #[cfg(feature = "burn")]
+            Self::Reading { .. } => Some("`selenograph doctor` says what the device lacks"),
         }
     }
 }

@@ -3,23 +3,51 @@
 use crate::Error;
 use crate::predictor::{Progress, Step};
 use selenograph_engine::{Encoding, Engine, HeadOutput, Image, Probe, Simd, Stage};
+#[cfg(feature = "burn")]
+use selenograph_model::Model;
 use selenograph_network::{Checkpoint, NetworkConfig};
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "burn")]
+mod burn;
+
 /// What runs a network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Executor {
     /// The engine for processors.
     #[default]
     Cpu,
+    /// burn, on its device of that name: `cuda:0`, `wgpu:0`, or `cpu` for a comparison with the engine.
+    #[cfg(feature = "burn")]
+    Burn(String),
 }
 
 impl Executor {
+    /// What the command line calls `cpu`, `burn-cpu`, `cuda:0`, `wgpu:0`; the device must be there.
+    ///
+    /// # Errors
+    /// [`Error::Device`] for what this build has not; as `model::device::parse` for a device that is not there.
+    pub fn named(name: &str) -> Result<Self, Error> {
+        match name {
+            "cpu" => Ok(Self::Cpu),
+            #[cfg(feature = "burn")]
+            other => {
+                let device = if other == "burn-cpu" { "cpu" } else { other };
+                selenograph_model::device::parse(device)?;
+                Ok(Self::Burn(device.to_owned()))
+            }
+            #[cfg(not(feature = "burn"))]
+            other => Err(Error::Device { name: other.to_owned() }),
+        }
+    }
+
     /// What runs, in words.
-    pub fn describe(self) -> String {
+    pub fn describe(&self) -> String {
         match self {
             Self::Cpu => format!("CPU engine ({})", Simd::detect().name()),
+            #[cfg(feature = "burn")]
+            Self::Burn(device) => format!("burn on {device}"),
         }
     }
 }
@@ -27,21 +55,26 @@ impl Executor {
 /// A network that is loaded.
 pub(crate) enum Loaded {
     Cpu(Engine),
+    #[cfg(feature = "burn")]
+    Burn(Model),
 }
 
 impl Loaded {
-    pub fn new(checkpoint: &Checkpoint, executor: Executor, progress: Report<'_>) -> Result<Self, Error> {
+    pub fn new(checkpoint: &Checkpoint, executor: &Executor, progress: Report<'_>) -> Result<Self, Error> {
         let of = checkpoint.layout().num_parameters();
         let mut done = 0;
+        let mut source = |name: &str| {
+            let (shape, values) = checkpoint.read_with_shape(name)?;
+            done += values.len();
+            progress(Progress { step: Step::Load, done: done.min(of), of });
+            Ok((shape, values))
+        };
         match executor {
-            Executor::Cpu => {
-                let mut source = |name: &str| {
-                    let (shape, values) = checkpoint.read_with_shape(name)?;
-                    done += values.len();
-                    progress(Progress { step: Step::Load, done: done.min(of), of });
-                    Ok((shape, values))
-                };
-                Ok(Self::Cpu(Engine::new(checkpoint.config(), &mut source)?))
+            Executor::Cpu => Ok(Self::Cpu(Engine::new(checkpoint.config(), &mut source)?)),
+            #[cfg(feature = "burn")]
+            Executor::Burn(name) => {
+                let device = selenograph_model::device::parse(name)?;
+                Ok(Self::Burn(Model::new(checkpoint.config(), &device, &mut source)?))
             }
         }
     }
@@ -49,6 +82,8 @@ impl Loaded {
     pub fn config(&self) -> &NetworkConfig {
         match self {
             Self::Cpu(engine) => engine.config(),
+            #[cfg(feature = "burn")]
+            Self::Burn(model) => model.config(),
         }
     }
 
@@ -56,6 +91,8 @@ impl Loaded {
         let mut watch = Watch::new(progress, self.config(), 0);
         match self {
             Self::Cpu(engine) => Ok(engine.encode_probed(images, &mut watch)?),
+            #[cfg(feature = "burn")]
+            Self::Burn(model) => burn::encode(model, images, &mut watch),
         }
     }
 
@@ -67,6 +104,8 @@ impl Loaded {
         let mut watch = Watch::new(progress, self.config(), 2 * pairs.len());
         match self {
             Self::Cpu(engine) => Ok(engine.decode_probed(pairs, &mut watch)?),
+            #[cfg(feature = "burn")]
+            Self::Burn(model) => burn::decode(model, pairs, &mut watch),
         }
     }
 }

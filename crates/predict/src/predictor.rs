@@ -75,7 +75,7 @@ pub struct About {
 
 impl About {
     /// Of a checkpoint and what would run it; nothing is loaded.
-    pub fn new(checkpoint: &Checkpoint, executor: Executor) -> Self {
+    pub fn new(checkpoint: &Checkpoint, executor: &Executor) -> Self {
         let has_descriptors = checkpoint.config().descriptor_dim.is_some();
         let mut notes = checkpoint.notes().to_vec();
         if !has_descriptors {
@@ -152,12 +152,12 @@ impl Predictor {
         if family == Family::Croco {
             return Err(Error::NoPoints { path, family: family.name() });
         }
-        let about = About::new(checkpoint, options.executor);
+        let about = About::new(checkpoint, &options.executor);
         if options.density == Density::Dense && !about.has_descriptors {
             return Err(Error::NoDescriptors { path, family: family.name() });
         }
         checkpoint.check_complete()?;
-        let loaded = Loaded::new(checkpoint, options.executor, progress)?;
+        let loaded = Loaded::new(checkpoint, &options.executor, progress)?;
         Ok(Self { loaded, options: options.clone(), about })
     }
 

@@ -14,7 +14,7 @@ pub struct NetworkChoice {
     /// Its weights: a checkpoint of the MASt3R or DUSt3R family, .pth or safetensors
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
-    /// What runs it
+    /// What runs it: cpu; cuda:N, wgpu:N and burn-cpu where they were built in (`selenograph doctor`)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: String,
     /// How a picture becomes its input

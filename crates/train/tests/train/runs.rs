@@ -295,7 +295,7 @@ fn memory_is_foreseen() {
 
 #[test]
 fn eight_pairs_are_learnt_by_heart() {
-    /// Share of the first regression loss that is left after these few steps; the long form is in the example.
+    /// Share of the first regression loss that is left after these few steps.
     const LEFT: f64 = 0.4;
     let folder = tempfile::tempdir().unwrap();
     let settings = TrainSettings {

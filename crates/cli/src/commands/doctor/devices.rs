@@ -5,7 +5,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Backends for graphics cards, and whether this program was built with them.
-const BACKENDS: [(&str, bool); 2] = [("cuda", false), ("wgpu", false)];
+const BACKENDS: [(&str, bool); 2] = [("cuda", cfg!(feature = "cuda")), ("wgpu", cfg!(feature = "wgpu"))];
 
 /// Where the CUDA toolkit is looked for besides `CUDA_PATH`.
 const CUDA_FOLDERS: [&str; 2] = ["/usr/local/cuda", "/opt/cuda"];

@@ -27,17 +27,7 @@ pub fn options(choice: &NetworkChoice) -> anyhow::Result<PredictOptions> {
         InputRule::Whole => Rule::Whole { max_side: Some(choice.max_side), border: Border::Pad },
         InputRule::Published => Rule::Published { size: choice.max_side, square: SquareCrop::FourThirds },
     };
-    Ok(PredictOptions { executor: executor(&choice.device)?, input, ..PredictOptions::default() })
-}
-
-fn executor(device: &str) -> anyhow::Result<Executor> {
-    match device {
-        "cpu" => Ok(Executor::Cpu),
-        other => Err(refuse(
-            format!("this build has no device `{other}` for networks"),
-            "pass --device cpu, or leave it out",
-        )),
-    }
+    Ok(PredictOptions { executor: Executor::named(&choice.device)?, input, ..PredictOptions::default() })
 }
 
 /// The weights that were named.
@@ -83,7 +73,7 @@ pub fn open(
 ) -> anyhow::Result<Checkpoint> {
     let heads = HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads };
     let checkpoint = Checkpoint::open_with(weights(choice)?, heads)?;
-    let about = About::new(&checkpoint, options.executor);
+    let about = About::new(&checkpoint, &options.executor);
     ui.note(&format!("{}; {} threads", about.sentence(), rayon::current_num_threads()));
     for note in &about.notes {
         ui.note(&format!("note: {note}"));
