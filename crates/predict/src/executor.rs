@@ -54,9 +54,9 @@ impl Executor {
 
 /// A network that is loaded.
 pub(crate) enum Loaded {
-    Cpu(Engine),
+    Cpu(Box<Engine>),
     #[cfg(feature = "burn")]
-    Burn(Model),
+    Burn(Box<Model>),
 }
 
 impl Loaded {
@@ -70,11 +70,11 @@ impl Loaded {
             Ok((shape, values))
         };
         match executor {
-            Executor::Cpu => Ok(Self::Cpu(Engine::new(checkpoint.config(), &mut source)?)),
+            Executor::Cpu => Ok(Self::Cpu(Box::new(Engine::new(checkpoint.config(), &mut source)?))),
             #[cfg(feature = "burn")]
             Executor::Burn(name) => {
                 let device = selenograph_model::device::parse(name)?;
-                Ok(Self::Burn(Model::new(checkpoint.config(), &device, &mut source)?))
+                Ok(Self::Burn(Box::new(Model::new(checkpoint.config(), &device, &mut source)?)))
             }
         }
     }
