@@ -72,7 +72,7 @@ fn weights_and_devices_that_cannot_be() {
     };
     refused(&LEARNED.replace("--weights tiny.safetensors", ""), "needs the weights", "--weights");
     refused(&LEARNED.replace("mast3r", "stereo"), "is for the method `mast3r`", "--method mast3r");
-    refused(&format!("{LEARNED} --device cuda"), "no device `cuda`", "--device cpu");
+    refused(&format!("{LEARNED} --device cuda"), "device `cuda`", "--device cpu");
     refused(
         &format!("{LEARNED} --pose-from points --cam-b-from-cam-a pose.json"),
         "cannot be used with",
