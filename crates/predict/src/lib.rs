@@ -1,10 +1,9 @@
 //! A checkpoint and two views into points and matches, from which `reconstruct::learned` makes a pose.
 //!
 //! ```no_run
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use selenograph_predict::{HeadCounts, PredictOptions, Predictor};
 //! use selenograph_reconstruct::pipeline::FocalKnowledge;
-//! # let views: [selenograph_reconstruct::View; 2] = todo!();
+//! # fn show(views: [selenograph_reconstruct::View; 2]) -> Result<(), selenograph_predict::Error> {
 //! let predictor = Predictor::open("weights.safetensors".as_ref(), HeadCounts::default(), &PredictOptions::default())?;
 //! let said = predictor.predict(&views, FocalKnowledge::Known, &mut |_| {})?;
 //! println!("{} matches", said.input.learned.matches.len());
