@@ -376,6 +376,13 @@ fn check(config: &NetworkConfig) -> Result<()> {
         // The dense heads enlarge sixteen times.
         return wrong("patch_px", "16", config.patch_px.to_string());
     }
+    if let Some(dims) = config.stem_dims {
+        return wrong(
+            "stem_dims",
+            "none: `--device burn-cpu` computes networks with a stem",
+            format!("{dims:?}"),
+        );
+    }
     for shape in [&config.encoder, &config.decoder] {
         let heads = shape.num_heads;
         if heads == 0 || shape.dim % heads != 0 || (shape.dim / heads) % 4 != 0 || shape.dim == 0 {

@@ -4,15 +4,36 @@
 use burn_tensor::{Device, Tensor, TensorData, activation};
 
 use crate::scope::Scope;
+use crate::views::StemMaps;
 
-/// The map `[images, 4, height, width]` from the tokens at the four hooks, which lie on a grid of `[rows, columns]`; `at` is
-/// the place `dpt`, `label` what the probe knows the head by.
-pub(crate) fn dpt(at: &Scope<'_>, label: &str, hooks: &[Tensor<3>; 4], grid: [usize; 2]) -> Tensor<4> {
+/// Maps at a half, a quarter and an eighth of the size of images, `[images, channels, height, width]`.
+pub(crate) fn stem(at: &Scope<'_>, images: Tensor<4>) -> [Tensor<4>; 3] {
+    let mut x = images;
+    [0, 1, 2].map(|level: usize| {
+        let at = at.under(level);
+        x = residual(&at, at.conv3("down", x.clone(), 2));
+        x.clone()
+    })
+}
+
+/// The map `[images, 4, height, width]` and the features it is linear in, from the tokens at the four hooks, which lie on a
+/// grid of `[rows, columns]`, and the maps of the stem if there is one; `at` is the place `dpt`, `label` what the probe knows
+/// the head by.
+pub(crate) fn dpt(
+    at: &Scope<'_>,
+    label: &str,
+    hooks: &[Tensor<3>; 4],
+    maps: Option<&StemMaps>,
+    grid: [usize; 2],
+) -> [Tensor<4>; 2] {
     let scratch = at.under("scratch");
     let levels = [0, 1, 2, 3].map(|level| {
         let x = level_of(&at.under(format!("act_postprocess.{level}")), hooks[level].clone(), level, grid);
         at.see(|| format!("{label}.act{level}"), &x);
-        let x = scratch.conv3_unbiased(&format!("layer{}_rn", level + 1), x, 1);
+        let mut x = scratch.conv3_unbiased(&format!("layer{}_rn", level + 1), x, 1);
+        if let (0, Some([_, quarter])) = (level, maps) {
+            x = x + scratch.conv1("stem1_rn", quarter.clone());
+        }
         at.see(|| format!("{label}.layer_rn{level}"), &x);
         x
     });
@@ -27,13 +48,16 @@ pub(crate) fn dpt(at: &Scope<'_>, label: &str, hooks: &[Tensor<3>; 4], grid: [us
         }
         fused = Some(next);
     }
-    let Some(x) = fused else { return hooks[0].clone().unsqueeze() };
+    let Some(mut x) = fused else { return [0, 1].map(|_| hooks[0].clone().unsqueeze()) };
+    if let Some([half, _]) = maps {
+        x = x + scratch.conv1("stem0_rn", half.clone());
+    }
     let head = at.under("head");
     let x = upsampled(head.conv3("0", x, 1));
-    let x = activation::relu(head.conv3("2", x, 1));
-    let x = head.exact().conv1("4", x);
-    at.see(|| format!("{label}.dpt_out"), &x);
-    x
+    let features = activation::relu(head.conv3("2", x, 1));
+    let map = head.exact().conv1("4", features.clone());
+    at.see(|| format!("{label}.dpt_out"), &map);
+    [map, features]
 }
 
 /// Tokens as a map of the level's size: 4, 2, 1 and ½ pixels for each token.

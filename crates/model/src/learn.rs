@@ -56,6 +56,10 @@ impl Model {
     ) -> std::result::Result<Learned, E> {
         let tracked = self.tracked(learns);
         if keep == Keep::BlockInputs {
+            if self.config().stem_dims.is_some() {
+                let expected = "to keep everything: a network with a stem is small";
+                return Err(Error::views("recomputation", expected, "block inputs only").into());
+            }
             let gradients = Gradients::none(self.parameters().len());
             let plain = self.tracked(&|_| false);
             return Recomputing { plain, tracked, pairs, gradients }.learn(inputs, loss);
@@ -120,7 +124,7 @@ impl Recomputing<'_> {
                     .clone();
             }
             self.pull(Vec::new(), vec![by_features], &|model, _| {
-                vec![model.patches(&model.root(None), images, &grid)]
+                vec![model.patches(&model.root(None), images, &grid).0]
             });
         }
         Ok(Learned { loss, gradients: self.gradients })
@@ -137,7 +141,7 @@ impl Recomputing<'_> {
         let (model, at) = (&self.plain, self.plain.root(None));
         let grid = images.grid(model.config().patch_px)?;
         let rope = model.encoder_rope(&grid);
-        let mut x = model.patches(&at, images, &grid);
+        let (mut x, _) = model.patches(&at, images, &grid);
         let mut inputs = Vec::new();
         for block in 0..model.config().encoder.num_blocks {
             inputs.push(x.clone());
@@ -157,7 +161,7 @@ impl Recomputing<'_> {
         let [first, second, last] = hooked;
         let leaves = [encoded, first, second, last].map(|level| level.map(leaf));
         let [encoded, hooked @ ..] = leaves.clone();
-        let loss = loss(&self.tracked.heads(&self.tracked.root(None), encoded, hooked, grids))?;
+        let loss = loss(&self.tracked.heads(&self.tracked.root(None), encoded, hooked, grids, [None; 2]))?;
         let mut tape = loss.backward();
         self.collect(&mut tape);
         Ok((loss.without_autodiff(), leaves.map(|level| level.map(|each| gradient(each, &mut tape)))))

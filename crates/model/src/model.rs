@@ -4,12 +4,13 @@ use burn_tensor::{Device, Tensor};
 use selenograph_network::NetworkConfig;
 
 use crate::attention::Rope;
+use crate::dpt::stem;
 use crate::error::{Error, Result, SourceError};
-use crate::output::{Output, head};
+use crate::output::{HeadInputs, Output, head};
 use crate::parameters::{Gradients, NamedTensor, Parameter, Parameters};
 use crate::scope::{Precision, Probe, Scope};
 use crate::transformer::{decoder_block, encoder_block};
-use crate::views::{Encoding, Features, Grid, Images, Tokens, gather, select};
+use crate::views::{Encoding, Features, Grid, Images, StemMaps, Tokens, gather, select};
 
 /// The network with its parameters on a device.
 #[derive(Debug, Clone)]
@@ -104,7 +105,8 @@ impl Model {
 
     /// The last normalisation of the encoder.
     pub fn normalize(&self, features: &Features) -> Encoding {
-        Tokens::new(self.root(None).norm("enc_norm", features.values.clone()), features.grid.clone())
+        let values = self.root(None).norm("enc_norm", features.values.clone());
+        Tokens::new(values, features.grid.clone()).with_maps(features.maps.clone())
     }
 
     /// Encodes images of one size.
@@ -157,7 +159,11 @@ impl Model {
         let encoded = [a, b].map(|each| each.values.clone());
         let levels = self.decoder_levels(&at, encoded.clone(), &ropes);
         let hooked = self.decoder_hooks().map(|level| levels[level].clone());
-        Ok(self.heads(&at, encoded, hooked, [&a.grid, &b.grid]))
+        let maps = [a.maps.as_ref(), b.maps.as_ref()];
+        if self.config.stem_dims.is_some() && maps.iter().any(Option::is_none) {
+            return Err(Error::views("encoding", "with the maps of the stem, from images", "tokens only"));
+        }
+        Ok(self.heads(&at, encoded, hooked, [&a.grid, &b.grid], maps))
     }
 
     /// A batch of pairs of any two sizes, each in its first camera's frame.
@@ -245,13 +251,15 @@ impl Model {
         encoded: [Tensor<3>; 2],
         [first, second, last]: [[Tensor<3>; 2]; 3],
         grids: [&Grid; 2],
+        maps: [Option<&StemMaps>; 2],
     ) -> [Output; 2] {
         [0, 1].map(|side: usize| {
             let last = at.norm("dec_norm", last[side].clone());
             at.see(|| format!("dec_norm.{}", side + 1), &last);
             let tokens = [encoded[side].clone(), first[side].clone(), second[side].clone(), last];
             let label = format!("head{}", side + 1);
-            head(&at.under(format!("downstream_{label}")), &label, &self.config, &tokens, grids[side])
+            let inputs = HeadInputs { hooks: tokens, maps: maps[side] };
+            head(&at.under(format!("downstream_{label}")), &label, &self.config, &inputs, grids[side])
         })
     }
 
@@ -259,32 +267,43 @@ impl Model {
         let at = self.root(probe);
         let grid = images.grid(self.config.patch_px)?;
         let rope = self.encoder_rope(&grid);
-        let mut x = self.patches(&at, images, &grid);
+        let (mut x, maps) = self.patches(&at, images, &grid);
         at.see(|| "patch_embed".into(), &x);
         for block in 0..self.config.encoder.num_blocks {
             x = self.encoder_level(&at, block, x, &rope);
             at.see(|| format!("enc_block{block}"), &x);
         }
-        Ok(Tokens::new(x, grid))
+        Ok(Tokens::new(x, grid).with_maps(maps))
     }
 
-    /// Tokens of images, in the order of the upright patches.
-    pub(crate) fn patches(&self, at: &Scope<'_>, images: &Images, grid: &Grid) -> Tensor<3> {
-        let patch = self.config.patch_px;
+    /// Tokens of images, in the order of the upright patches, and the maps of the stem if there is one.
+    pub(crate) fn patches(
+        &self,
+        at: &Scope<'_>,
+        images: &Images,
+        grid: &Grid,
+    ) -> (Tensor<3>, Option<StemMaps>) {
         let groups = grid.groups();
-        let parts = groups.iter().map(|(transposed, places)| {
-            let mut pixels = select(images.pixels.clone(), places);
-            if *transposed {
-                pixels = pixels.swap_dims(2, 3);
+        let [_, side] = self.config.token_input();
+        let (mut tokens, mut fine, mut coarse) = (Vec::new(), Vec::new(), Vec::new());
+        for (transposed, places) in &groups {
+            let turned = |map: Tensor<4>| if *transposed { map.swap_dims(2, 3) } else { map };
+            let mut map = turned(select(images.pixels.clone(), places));
+            if self.config.stem_dims.is_some() {
+                let [half, quarter, eighth] = stem(&at.under("stem"), map);
+                fine.push(turned(half));
+                coarse.push(turned(quarter));
+                map = eighth;
             }
-            let [count, colors, height, width] = pixels.dims();
-            let (rows, columns) = (height / patch, width / patch);
-            let patches = pixels
-                .reshape([count, colors, rows, patch, columns, patch])
+            let [count, channels, height, width] = map.dims();
+            let (rows, columns) = (height / side, width / side);
+            let patches = map
+                .reshape([count, channels, rows, side, columns, side])
                 .permute([0, 2, 4, 1, 3, 5])
-                .reshape([count, rows * columns, colors * patch * patch]);
-            at.linear("patch_embed.proj", patches)
-        });
-        gather(&groups, parts.collect())
+                .reshape([count, rows * columns, channels * side * side]);
+            tokens.push(at.linear("patch_embed.proj", patches));
+        }
+        let maps = self.config.stem_dims.map(|_| [fine, coarse].map(|parts| gather(&groups, parts)));
+        (gather(&groups, tokens), maps)
     }
 }

@@ -5,7 +5,7 @@ use selenograph_network::NetworkConfig;
 use selenograph_network::config::{ConfidenceMode, DepthMode};
 
 use crate::scope::Scope;
-use crate::views::{Grid, gather};
+use crate::views::{Grid, StemMaps, gather, select};
 
 /// Shortest length that gives a direction.
 const MIN_LENGTH: f64 = 1e-8;
@@ -49,19 +49,31 @@ impl Output {
     }
 }
 
-/// One view's head at `downstream_headN`: the tokens at the four hooks, for images of any orientations.
+/// What a head reads: tokens at the four hooks, and the maps of the stem if there is one.
+pub(crate) struct HeadInputs<'a> {
+    pub hooks: [Tensor<3>; 4],
+    pub maps: Option<&'a StemMaps>,
+}
+
+/// One view's head at `downstream_headN`, for images of any orientations.
 pub(crate) fn head(
     at: &Scope<'_>,
     label: &str,
     config: &NetworkConfig,
-    hooks: &[Tensor<3>; 4],
+    inputs: &HeadInputs<'_>,
     grid: &Grid,
 ) -> Output {
     let groups = grid.groups();
     let parts = groups
         .iter()
         .map(|(transposed, places)| {
-            let own = [0, 1, 2, 3].map(|hook: usize| crate::views::select(hooks[hook].clone(), places));
+            let hooks = inputs.hooks.each_ref().map(|hook| select(hook.clone(), places));
+            let upright = |map: &Tensor<4>| {
+                let own = select(map.clone(), places);
+                if *transposed { own.swap_dims(2, 3) } else { own }
+            };
+            let maps = inputs.maps.map(|maps| maps.each_ref().map(upright));
+            let own = HeadInputs { hooks, maps: maps.as_ref() };
             let output = upright_head(at, label, config, &own, grid.upright(*transposed));
             if *transposed { output.transposed() } else { output }
         })
@@ -73,23 +85,27 @@ fn upright_head(
     at: &Scope<'_>,
     label: &str,
     config: &NetworkConfig,
-    hooks: &[Tensor<3>; 4],
+    HeadInputs { hooks, maps }: &HeadInputs<'_>,
     [rows, columns]: [usize; 2],
 ) -> Output {
-    let map = crate::dpt::dpt(&at.under("dpt"), label, hooks, [rows, columns]);
+    let [map, features] = crate::dpt::dpt(&at.under("dpt"), label, hooks, *maps, [rows, columns]);
     let points = points(config.depth_mode, map.clone().narrow(1, 0, 3)).permute([0, 2, 3, 1]);
     let confidence = confidence(config.confidence, map.narrow(1, 3, 1).squeeze_dim(1));
     let (Some(dim), Some(channels)) = (config.descriptor_dim, config.descriptor_channels()) else {
         return Output { points, confidence, descriptors: None, descriptor_confidence: None };
     };
-    let both = Tensor::cat(vec![hooks[0].clone(), hooks[3].clone()], 2);
-    let raw = at.mlp("head_local_features", both);
-    at.see(|| format!("{label}.mlp_out"), &raw);
-    let (images, patch) = (raw.dims()[0], config.patch_px);
-    let pixels = raw
-        .reshape([images, rows, columns, channels, patch, patch])
-        .permute([0, 1, 4, 2, 5, 3])
-        .reshape([images, rows * patch, columns * patch, channels]);
+    let pixels =
+        if maps.is_some() {
+            at.exact().conv1("head_local_features", features).permute([0, 2, 3, 1])
+        } else {
+            let both = Tensor::cat(vec![hooks[0].clone(), hooks[3].clone()], 2);
+            let raw = at.mlp("head_local_features", both);
+            at.see(|| format!("{label}.mlp_out"), &raw);
+            let (images, patch) = (raw.dims()[0], config.patch_px);
+            raw.reshape([images, rows, columns, channels, patch, patch])
+                .permute([0, 1, 4, 2, 5, 3])
+                .reshape([images, rows * patch, columns * patch, channels])
+        };
     let vectors = pixels.clone().narrow(3, 0, dim);
     let lengths = vectors.clone().square().sum_dim(3).sqrt();
     let own = config.descriptor_confidence.map(|mode| {

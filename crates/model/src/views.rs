@@ -139,12 +139,21 @@ pub struct Tokens<Stage> {
     pub values: Tensor<3>,
     /// Where they lie.
     pub grid: Grid,
+    /// The stem's maps at a half and a quarter of the stored images' size, for networks that have one.
+    pub(crate) maps: Option<StemMaps>,
     stage: PhantomData<Stage>,
 }
 
+/// Maps of a stem, `[images, channels, height, width]` as the images are stored, the finer first.
+pub(crate) type StemMaps = [Tensor<4>; 2];
+
 impl<Stage> Tokens<Stage> {
     pub(crate) fn new(values: Tensor<3>, grid: Grid) -> Self {
-        Self { values, grid, stage: PhantomData }
+        Self { values, grid, maps: None, stage: PhantomData }
+    }
+
+    pub(crate) fn with_maps(self, maps: Option<StemMaps>) -> Self {
+        Self { maps, ..self }
     }
 
     /// From numbers in memory, `[images, tokens, channels]`: from a cache or from another executor.
@@ -174,7 +183,8 @@ impl<Stage> Tokens<Stage> {
         }
         let transposed = places.iter().map(|place| self.grid.transposed[*place]).collect();
         let grid = Grid { transposed, ..self.grid };
-        Ok(Self::new(select(self.values.clone(), places), grid))
+        let maps = self.maps.as_ref().map(|maps| maps.each_ref().map(|map| select(map.clone(), places)));
+        Ok(Self::new(select(self.values.clone(), places), grid).with_maps(maps))
     }
 }
 

@@ -10,6 +10,10 @@ const MAX_DIM: usize = 1 << 14;
 pub const IMAGE_CHANNELS: usize = 3;
 /// Channels of a point head: x, y, z, confidence.
 pub const POINT_CHANNELS: usize = 4;
+/// Pixels along a side of what one pixel of the stem's last map sees at least.
+pub const STEM_STRIDE_PX: usize = 8;
+/// The patch size at which a stem's maps meet those of the dense heads.
+const STEM_PATCH_PX: usize = 16;
 /// Hidden channels of the descriptor MLP for each of its input channels.
 const DESCRIPTOR_MLP_RATIO: usize = 4;
 /// Epsilon of every layer norm.
@@ -99,6 +103,15 @@ pub enum ConfidenceMode {
 pub struct NetworkConfig {
     /// Side of a patch, pixels.
     pub patch_px: usize,
+    /// Channels of the maps of a convolutional stem, at a half, a quarter and an eighth of the picture's size; `None` for the
+    /// published networks, whose tokens are linear in the pixels. With a stem the finer maps also enter the dense heads, and
+    /// descriptors come from their last features instead of from an MLP on tokens.
+    ///
+    /// # Source
+    /// Xiao et al. 2021, "Early Convolutions Help Transformers See Better"; the joining of fine maps is that of Ronneberger
+    /// et al. 2015, "U-Net".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stem_dims: Option<[usize; 3]>,
     /// The encoder, shared by both views.
     pub encoder: Transformer,
     /// Each of the two decoders.
@@ -139,6 +152,14 @@ impl NetworkConfig {
         self.dpt_fusion_dim / 2
     }
 
+    /// Channels and side of what each token is a linear function of: colours of a patch's pixels, or the stem's last map.
+    pub fn token_input(&self) -> [usize; 2] {
+        match self.stem_dims {
+            None => [IMAGE_CHANNELS, self.patch_px],
+            Some([_, _, dim]) => [dim, self.patch_px / STEM_STRIDE_PX],
+        }
+    }
+
     /// Input channels of the descriptor MLP: encoder and decoder side by side.
     pub fn descriptor_input_dim(&self) -> usize {
         self.encoder.dim + self.decoder.dim
@@ -165,6 +186,14 @@ impl NetworkConfig {
         self.decoder.check("decoder")?;
         if !(1..=64).contains(&self.patch_px) {
             return refuse("patch size", "1 to 64 pixels", self.patch_px);
+        }
+        if let Some(dims) = self.stem_dims {
+            if self.patch_px != STEM_PATCH_PX {
+                return refuse("patch size", "16 pixels, with a convolutional stem", self.patch_px);
+            }
+            if let Some(&dim) = dims.iter().find(|dim| !(1..=MAX_DIM).contains(*dim)) {
+                return refuse("stem width", "1 to 16384 channels", dim);
+            }
         }
         if !(2..=MAX_DIM).contains(&self.dpt_fusion_dim) || !self.dpt_fusion_dim.is_multiple_of(2) {
             return refuse("DPT fusion width", "an even number up to 16384", self.dpt_fusion_dim);

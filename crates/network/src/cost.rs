@@ -81,8 +81,22 @@ fn block(shape: &Transformer, tokens: f64) -> f64 {
 }
 
 fn encoder(config: &NetworkConfig, tokens: f64) -> f64 {
-    let patch = IMAGE_CHANNELS * config.patch_area() * config.encoder.dim;
-    tokens * patch as f64 + config.encoder.num_blocks as f64 * block(&config.encoder, tokens)
+    let [channels, side] = config.token_input();
+    let patch = channels * side * side * config.encoder.dim;
+    tokens * (patch as f64 + stem(config)) + config.encoder.num_blocks as f64 * block(&config.encoder, tokens)
+}
+
+/// Multiplications of the stem for each token: three convolutions of three by three at each of its levels.
+fn stem(config: &NetworkConfig) -> f64 {
+    let mut inputs = IMAGE_CHANNELS as f64;
+    let mut pixels = config.patch_area() as f64;
+    config.stem_dims.into_iter().flatten().fold(0.0, |sum, dim| {
+        let dim = dim as f64;
+        pixels /= 4.0;
+        let level = pixels * 9.0 * dim * (inputs + 2.0 * dim);
+        inputs = dim;
+        sum + level
+    })
 }
 
 /// Of one view's decoder: its tokens look at `other` tokens of the other view.
@@ -115,9 +129,12 @@ fn points(config: &NetworkConfig, grid: Grid) -> f64 {
         })
         .sum();
     let fine = 64.0 * tokens;
+    let joined = config
+        .stem_dims
+        .map_or(0.0, |[half, quarter, _]| fusion * (fine * half as f64 + levels[0] * quarter as f64));
     let pixels = tokens * config.patch_area() as f64;
     let finish = fine * 9.0 * fusion * half + pixels * (9.0 * half * last + last * POINT_CHANNELS as f64);
-    reduce + resample + fused + finish
+    reduce + resample + fused + joined + finish
 }
 
 /// Of one view's descriptor head.
@@ -125,6 +142,9 @@ fn descriptors(config: &NetworkConfig, grid: Grid) -> f64 {
     let outputs = config.descriptor_channels().unwrap_or(0) * config.patch_area();
     if outputs == 0 {
         return 0.0;
+    }
+    if config.stem_dims.is_some() {
+        return grid.width * grid.height * (config.dpt_last_dim * outputs) as f64;
     }
     let hidden = config.descriptor_hidden_dim();
     grid.width * grid.height * (hidden * (config.descriptor_input_dim() + outputs)) as f64

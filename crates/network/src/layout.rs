@@ -19,6 +19,8 @@ pub const DECODER_1: &str = "dec_blocks.";
 pub enum Part {
     /// `mask_token`: in the checkpoints, read by nothing.
     MaskToken,
+    /// `stem`, where there is one.
+    Stem,
     /// `patch_embed`.
     PatchEmbed,
     /// `enc_blocks`.
@@ -165,10 +167,14 @@ impl Builder {
     }
 
     fn network(&mut self, config: &NetworkConfig) {
-        let (encoder, decoder, patch) = (&config.encoder, &config.decoder, config.patch_px);
+        let (encoder, decoder) = (&config.encoder, &config.decoder);
         self.add(Part::MaskToken, "mask_token".into(), &[1, 1, decoder.dim], Init::Normal { sigma: 0.02 });
         self.mark_last_unused();
-        let shape = [encoder.dim, IMAGE_CHANNELS, patch, patch];
+        if let Some(dims) = config.stem_dims {
+            self.stem(dims);
+        }
+        let [inputs, side] = config.token_input();
+        let shape = [encoder.dim, inputs, side, side];
         self.weight_and_bias(Part::PatchEmbed, "patch_embed.proj", &shape, Scheme::Xavier);
         for block in 0..encoder.num_blocks {
             self.encoder_block(&format!("enc_blocks.{block}"), encoder);
@@ -190,11 +196,29 @@ impl Builder {
             self.dpt(points, &format!("{prefix}.dpt"), config);
             if let Some(channels) = config.descriptor_channels() {
                 let name = format!("{prefix}.head_local_features");
+                if config.stem_dims.is_some() {
+                    let shape = [channels, config.dpt_last_dim, 1, 1];
+                    self.weight_and_bias(descriptors, &name, &shape, Scheme::FanIn);
+                    continue;
+                }
                 let (input, hidden) = (config.descriptor_input_dim(), config.descriptor_hidden_dim());
                 let output = channels * config.patch_area();
                 self.weight_and_bias(descriptors, &format!("{name}.fc1"), &[hidden, input], Scheme::FanIn);
                 self.weight_and_bias(descriptors, &format!("{name}.fc2"), &[output, hidden], Scheme::FanIn);
             }
+        }
+    }
+
+    fn stem(&mut self, dims: [usize; 3]) {
+        let mut inputs = IMAGE_CHANNELS;
+        for (level, dim) in dims.into_iter().enumerate() {
+            let name = format!("stem.{level}");
+            // Drawn so that the signal keeps its strength on its way to the tokens.
+            self.weight_and_bias(Part::Stem, &format!("{name}.down"), &[dim, inputs, 3, 3], Scheme::Xavier);
+            for conv in ["conv1", "conv2"] {
+                self.weight_and_bias(Part::Stem, &format!("{name}.{conv}"), &[dim, dim, 3, 3], Scheme::FanIn);
+            }
+            inputs = dim;
         }
     }
 
@@ -250,6 +274,10 @@ impl Builder {
             if let Some(alias) = self.specs.last_mut() {
                 alias.purpose = Purpose::AliasOf(layer);
             }
+        }
+        for (level, dim) in config.stem_dims.iter().flat_map(|dims| dims[..2].iter().enumerate()) {
+            let name = format!("{name}.scratch.stem{level}_rn");
+            self.weight_and_bias(part, &name, &[fusion, *dim, 1, 1], Scheme::FanIn);
         }
         for level in (1..=4).rev() {
             let name = format!("{name}.scratch.refinenet{level}");

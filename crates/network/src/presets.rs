@@ -6,6 +6,9 @@
 //! | `base` | 768 × 12, 12 heads | 512 × 8, 8 heads | 72 144 288 576, 192, 96 (¾) | 1280 → 5120 | 254 589 992 |
 //! | `small` | 384 × 12, 6 heads | 256 × 6, 4 heads | 48 96 192 384, 128, 64 (½) | 640 → 2560 | 80 319 816 |
 //! | `tiny` | 128 × 4, 4 heads | 96 × 4, 3 heads | 24 48 96 192, 64, 32 (¼) | 224 → 896 | 16 442 728 |
+//! | `hybrid` | stem 24 48 96, 192 × 6, 6 heads | 128 × 4, 4 heads | 24 48 96 128, 48, 48 | none | 6 560 778 |
+//!
+//! `hybrid` is ours: a convolutional stem makes its tokens, and its descriptors come from the dense heads.
 //!
 //! All have patches of 16 pixels, descriptors of 24 channels with a confidence of their own, MLPs four times as wide as
 //! their tokens, and the modes of the published network. The factor is that of the DPT heads' widths.
@@ -24,11 +27,13 @@ pub enum Preset {
     Small,
     /// For tests and demonstrations.
     Tiny,
+    /// Convolutions near the pixels, transformers above: learns from few pairs, for pictures of some 200 pixels.
+    Hybrid,
 }
 
 impl Preset {
     /// All of them, the largest first.
-    pub const ALL: [Self; 4] = [Self::Mast3rVitl, Self::Base, Self::Small, Self::Tiny];
+    pub const ALL: [Self; 5] = [Self::Mast3rVitl, Self::Base, Self::Small, Self::Tiny, Self::Hybrid];
 
     /// The name that is typed.
     pub fn name(self) -> &'static str {
@@ -37,6 +42,7 @@ impl Preset {
             Self::Base => "base",
             Self::Small => "small",
             Self::Tiny => "tiny",
+            Self::Hybrid => "hybrid",
         }
     }
 
@@ -56,6 +62,13 @@ impl Preset {
             Self::Base => config((768, 12, 12), (512, 8, 8), 3),
             Self::Small => config((384, 12, 6), (256, 6, 4), 2),
             Self::Tiny => config((128, 4, 4), (96, 4, 3), 1),
+            Self::Hybrid => NetworkConfig {
+                stem_dims: Some([24, 48, 96]),
+                dpt_dims: [24, 48, 96, 128],
+                dpt_fusion_dim: 48,
+                dpt_last_dim: 48,
+                ..config((192, 6, 6), (128, 4, 4), 1)
+            },
         }
     }
 }
@@ -66,6 +79,7 @@ fn config(encoder: (usize, usize, usize), decoder: (usize, usize, usize), quarte
         |(dim, num_blocks, num_heads)| Transformer { dim, num_blocks, num_heads, mlp_dim: 4 * dim };
     NetworkConfig {
         patch_px: 16,
+        stem_dims: None,
         encoder: transformer(encoder),
         decoder: transformer(decoder),
         rope_base: 100.0,
@@ -86,7 +100,7 @@ mod tests {
 
     #[test]
     fn every_preset_has_the_parameters_that_are_stated() {
-        let stated = [688_638_856, 254_589_992, 80_319_816, 16_442_728];
+        let stated = [688_638_856, 254_589_992, 80_319_816, 16_442_728, 6_560_778];
         for (preset, expected) in Preset::ALL.into_iter().zip(stated) {
             let config = preset.config();
             config.check().unwrap();

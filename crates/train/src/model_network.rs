@@ -45,7 +45,7 @@ impl ModelNetwork {
     fn trains(&self, parameter: &Parameter) -> bool {
         let is_frozen = match self.frozen {
             Frozen::None => false,
-            Frozen::Encoder => matches!(parameter.spec().part, Part::PatchEmbed | Part::Encoder),
+            Frozen::Encoder => matches!(parameter.spec().part, Part::Stem | Part::PatchEmbed | Part::Encoder),
         };
         parameter.is_computed() && !is_frozen
     }

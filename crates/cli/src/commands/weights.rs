@@ -196,6 +196,7 @@ fn list(out: &mut String, key: &str, items: Vec<String>) {
 fn part_name(part: Part) -> &'static str {
     match part {
         Part::MaskToken => "mask token",
+        Part::Stem => "stem",
         Part::PatchEmbed => "patches",
         Part::Encoder => "encoder",
         Part::EncoderNorm => "encoder norm",
