@@ -1,11 +1,11 @@
 //! The network, ready to run.
 
-use rayon::prelude::*;
-use selenograph_network::config::{NetworkConfig, Transformer};
+use selenograph_network::config::NetworkConfig;
 
 use crate::attention::Grid;
-use crate::buffer::{Loan, Pool};
+use crate::buffer::Loan;
 use crate::dpt::Hooks;
+use crate::encoder::{Encoder, Image, grids_of, rope};
 use crate::error::{Error, Result, SourceError};
 use crate::gemm::Finish;
 use crate::head::Head;
@@ -13,23 +13,8 @@ use crate::kernel::Simd;
 use crate::output::HeadOutput;
 use crate::packed::Packed;
 use crate::probe::{Probe, Stage, Watch};
-use crate::rope::Rope;
-use crate::transformer::{Context, DecoderBlock, EncoderBlock};
+use crate::transformer::{Context, DecoderBlock};
 use crate::weights::{NamedTensor, Norm, Reader};
-
-/// Colour channels of an image.
-const COLORS: usize = 3;
-
-/// An image as the network wants it: values from −1 to 1, channels first.
-#[derive(Debug, Clone, Copy)]
-pub struct Image<'a> {
-    /// Rows, a multiple of the patch.
-    pub height_px: usize,
-    /// Columns, a multiple of the patch.
-    pub width_px: usize,
-    /// `[3, height, width]`.
-    pub values: &'a [f32],
-}
 
 /// What the encoder knows of an image: enough to decode it against any number of others.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,10 +30,7 @@ pub struct Encoding {
 /// The network with its weights packed for this processor.
 pub struct Engine {
     config: NetworkConfig,
-    level: Simd,
-    pool: Pool,
-    patch_embed: Packed,
-    encoder: Vec<EncoderBlock>,
+    encoder: Encoder,
     encoder_norm: Norm,
     decoder_embed: Packed,
     decoders: [Vec<DecoderBlock>; 2],
@@ -82,10 +64,6 @@ impl Engine {
         let level = level.checked()?;
         let reader = &mut Reader::new(source);
         let (enc, dec) = (config.encoder, config.decoder);
-        let patch = config.patch_px;
-        let weights = reader.values("patch_embed.proj.weight", &[enc.dim, COLORS, patch, patch])?;
-        let bias = reader.values("patch_embed.proj.bias", &[enc.dim])?;
-        let patch_embed = Packed::linear(&weights, COLORS * patch * patch, enc.dim, Some(&bias));
         let decoder = |reader: &mut Reader<'_>, name: &str| {
             (0..dec.num_blocks)
                 .map(|idx| DecoderBlock::read(reader, &format!("{name}.{idx}"), &dec))
@@ -93,12 +71,7 @@ impl Engine {
         };
         Ok(Self {
             config: config.clone(),
-            level,
-            pool: Pool::default(),
-            patch_embed,
-            encoder: (0..enc.num_blocks)
-                .map(|idx| EncoderBlock::read(reader, &format!("enc_blocks.{idx}"), &enc))
-                .collect::<Result<_>>()?,
+            encoder: Encoder::read(config, level, reader)?,
             encoder_norm: reader.norm("enc_norm", enc.dim)?,
             decoder_embed: reader.linear("decoder_embed", enc.dim, dec.dim)?,
             decoders: [decoder(reader, "dec_blocks")?, decoder(reader, "dec_blocks2")?],
@@ -119,21 +92,20 @@ impl Engine {
     /// The instructions in use.
     #[must_use]
     pub fn simd(&self) -> Simd {
-        self.level
+        self.encoder.level
     }
 
     /// Bytes of packed weights.
     #[must_use]
     pub fn num_weight_bytes(&self) -> usize {
-        let encoder: usize = self.encoder.iter().map(EncoderBlock::num_bytes).sum();
         let decoders: usize = self.decoders.iter().flatten().map(DecoderBlock::num_bytes).sum();
         let heads: usize = self.heads.iter().map(Head::num_bytes).sum();
-        encoder + decoders + heads + self.patch_embed.num_bytes() + self.decoder_embed.num_bytes()
+        self.encoder.num_weight_bytes() + decoders + heads + self.decoder_embed.num_bytes()
     }
 
     /// Frees the buffers kept for the next run.
     pub fn release_buffers(&self) {
-        self.pool.clear();
+        self.encoder.pool.clear();
     }
 
     /// Encodes images, of any sizes, together.
@@ -195,39 +167,14 @@ impl Engine {
     }
 
     fn context(&self) -> Context<'_> {
-        Context { level: self.level, pool: &self.pool }
-    }
-
-    fn rope(&self, shape: &Transformer, grids: &[Grid]) -> Rope {
-        let side = grids.iter().map(|grid| grid.height.max(grid.width)).max().unwrap_or(1);
-        Rope::new(shape.dim / shape.num_heads, self.config.rope_base, side)
+        Context { level: self.encoder.level, pool: &self.encoder.pool }
     }
 
     fn encode_watched(&self, images: &[Image<'_>], watch: &mut Watch<'_>) -> Result<Vec<Encoding>> {
-        for image in images {
-            self.check_image(image)?;
-        }
-        let (context, dim, patch) = (self.context(), self.config.encoder.dim, self.config.patch_px);
-        let sizes = images.iter().map(|image| (image.height_px / patch, image.width_px / patch));
-        let grids = grids_of(sizes);
-        let num_tokens: usize = grids.iter().map(Grid::num_tokens).sum();
-        let mut tokens = self.pool.take(num_tokens * dim);
-        {
-            let len = self.patch_embed.inputs;
-            let mut patches = self.pool.take(num_tokens * len);
-            for (image, grid) in images.iter().zip(&grids) {
-                cut(image, patch, *grid, &mut patches[grid.first * len..][..grid.num_tokens() * len]);
-            }
-            context.linear(&patches, &self.patch_embed, &Finish::store(&mut tokens, dim));
-        }
-        watch.see(|| "patch_embed".to_owned(), &[num_tokens, dim], &tokens);
-        let rope = self.rope(&self.config.encoder, &grids);
-        for (idx, block) in self.encoder.iter().enumerate() {
-            block.run(&context, &rope, &mut tokens, &grids);
-            watch.see(|| format!("enc_block{idx}"), &[num_tokens, dim], &tokens);
-            watch.finished(Stage::EncoderBlock { idx });
-        }
-        let mut normed = self.pool.take(tokens.len());
+        let (tokens, grids) = self.encoder.run(images, watch)?;
+        let (context, dim) = (self.context(), self.config.encoder.dim);
+        let num_tokens = tokens.len() / dim;
+        let mut normed = context.pool.take(tokens.len());
         context.normalize(&tokens, &self.encoder_norm, &mut normed);
         watch.see(|| "enc_norm".to_owned(), &[num_tokens, dim], &normed);
         Ok(grids
@@ -238,22 +185,6 @@ impl Engine {
                 tokens: normed[grid.first * dim..][..grid.num_tokens() * dim].to_vec(),
             })
             .collect())
-    }
-
-    fn check_image(&self, image: &Image<'_>) -> Result<()> {
-        let patch = self.config.patch_px;
-        for (what, side) in [("height", image.height_px), ("width", image.width_px)] {
-            if side == 0 || side % patch != 0 {
-                let expected = format!("a multiple of {patch} pixels");
-                return Err(Error::Image { what, expected, found: side.to_string() });
-            }
-        }
-        let expected = COLORS * image.height_px * image.width_px;
-        if image.values.len() != expected {
-            let found = image.values.len().to_string();
-            return Err(Error::Image { what: "number of values", expected: expected.to_string(), found });
-        }
-        Ok(())
     }
 
     fn decode_watched(
@@ -301,7 +232,7 @@ impl Engine {
         let (context, dim) = (self.context(), self.config.decoder.dim);
         let counts = [0, 1].map(|side: usize| grids[side].iter().map(Grid::num_tokens).sum::<usize>());
         let mut tokens = [0, 1].map(|side| {
-            let mut tokens = self.pool.take(counts[side] * dim);
+            let mut tokens = context.pool.take(counts[side] * dim);
             for (encoding, grid) in sides[side].iter().zip(&grids[side]) {
                 let part = &mut tokens[grid.first * dim..][..grid.num_tokens() * dim];
                 context.linear(&encoding.tokens, &self.decoder_embed, &Finish::store(part, dim));
@@ -310,16 +241,16 @@ impl Engine {
             tokens
         });
         let all: Vec<Grid> = grids.iter().flatten().copied().collect();
-        let rope = self.rope(&self.config.decoder, &all);
+        let rope = rope(&self.config.decoder, self.config.rope_base, &all);
         let pairs = [0, 1].map(|side: usize| {
             grids[side].iter().copied().zip(grids[1 - side].iter().copied()).collect::<Vec<_>>()
         });
-        let mut hooks = [0, 1].map(|side| [0, 1, 2].map(|_| self.pool.take(counts[side] * dim)));
+        let mut hooks = [0, 1].map(|side| [0, 1, 2].map(|_| context.pool.take(counts[side] * dim)));
         let depth_of = |quarters: usize| self.config.decoder.num_blocks * quarters / 4;
         for idx in 0..self.config.decoder.num_blocks {
             // Both sides read the other's previous level: what they need of it is computed first.
             let others = [0, 1].map(|side| {
-                let mut other = self.pool.take(counts[1 - side] * 2 * dim);
+                let mut other = context.pool.take(counts[1 - side] * 2 * dim);
                 self.decoders[side][idx].read_other(&context, &tokens[1 - side], &mut other);
                 other
             });
@@ -343,32 +274,8 @@ impl Engine {
     }
 }
 
-/// Grids one after the other.
-fn grids_of(sizes: impl Iterator<Item = (usize, usize)>) -> Vec<Grid> {
-    let mut first = 0;
-    sizes
-        .map(|(height, width)| {
-            let grid = Grid { first, height, width };
-            first += grid.num_tokens();
-            grid
-        })
-        .collect()
-}
-
-/// An image's patches, one row each: channel, row, column.
-fn cut(image: &Image<'_>, patch: usize, grid: Grid, out: &mut [f32]) {
-    let plane = image.height_px * image.width_px;
-    out.par_chunks_mut(COLORS * patch * patch).enumerate().for_each(|(token, row)| {
-        let (y, x) = (token / grid.width * patch, token % grid.width * patch);
-        for (line, to) in row.chunks_exact_mut(patch).enumerate() {
-            let from = line / patch * plane + (y + line % patch) * image.width_px + x;
-            to.copy_from_slice(&image.values[from..from + patch]);
-        }
-    });
-}
-
 /// What the layers take for granted.
-fn check(config: &NetworkConfig) -> Result<()> {
+pub(crate) fn check(config: &NetworkConfig) -> Result<()> {
     let wrong = |what, expected: &str, found: String| {
         Err(Error::Config { what, expected: expected.to_owned(), found })
     };

@@ -7,6 +7,7 @@
 mod attention;
 mod buffer;
 mod dpt;
+mod encoder;
 mod engine;
 mod error;
 pub mod focal;
@@ -25,7 +26,8 @@ mod vector;
 mod weights;
 mod yardstick;
 
-pub use engine::{Encoding, Engine, Image};
+pub use encoder::{Encoder, Image};
+pub use engine::{Encoding, Engine};
 pub use error::{Error, Result, SourceError};
 pub use footprint::Footprint;
 pub use kernel::Simd;

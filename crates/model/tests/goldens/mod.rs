@@ -119,6 +119,7 @@ fn config(folder: &Path) -> NetworkConfig {
         encoder: transformer("enc"),
         decoder: transformer("dec"),
         rope_base: json["rope_base"].as_f64().unwrap(),
+        stem_dims: None,
         dpt_dims: dims.try_into().unwrap(),
         dpt_fusion_dim: number("feature_dim"),
         dpt_last_dim: number("last_dim"),

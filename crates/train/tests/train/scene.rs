@@ -79,6 +79,7 @@ pub fn config() -> NetworkConfig {
         encoder: transformer(64, 2),
         decoder: transformer(48, 4),
         rope_base: 100.0,
+        stem_dims: None,
         dpt_dims: [8, 12, 16, 24],
         dpt_fusion_dim: 16,
         dpt_last_dim: 8,

@@ -1,0 +1,161 @@
+//! The encoder's blocks.
+
+use rayon::prelude::*;
+use selenograph_network::config::{IMAGE_CHANNELS, NetworkConfig, Transformer};
+
+use crate::attention::Grid;
+use crate::buffer::{Loan, Pool};
+use crate::error::{Error, Result, SourceError};
+use crate::gemm::Finish;
+use crate::kernel::Simd;
+use crate::packed::Packed;
+use crate::probe::{Stage, Watch};
+use crate::rope::Rope;
+use crate::transformer::{Context, EncoderBlock};
+use crate::weights::{NamedTensor, Reader};
+
+/// An image as the network wants it: values from −1 to 1, channels first.
+#[derive(Debug, Clone, Copy)]
+pub struct Image<'a> {
+    /// Rows, a multiple of the patch.
+    pub height_px: usize,
+    /// Columns, a multiple of the patch.
+    pub width_px: usize,
+    /// `[3, height, width]`.
+    pub values: &'a [f32],
+}
+
+/// The encoder without its last normalisation: what stays the same while a network that is fine-tuned learns the rest.
+pub struct Encoder {
+    shape: Transformer,
+    patch_px: usize,
+    rope_base: f64,
+    pub(crate) level: Simd,
+    pub(crate) pool: Pool,
+    patch_embed: Packed,
+    blocks: Vec<EncoderBlock>,
+}
+
+impl Encoder {
+    /// Reads and packs every tensor of the encoder's patches and blocks, and no other.
+    ///
+    /// # Errors
+    /// A configuration that fits no network, or one with a stem; a tensor that `source` does not deliver or whose shape is
+    /// not the configuration's.
+    pub fn new(
+        config: &NetworkConfig,
+        source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
+    ) -> Result<Self> {
+        crate::engine::check(config)?;
+        Self::read(config, Simd::detect(), &mut Reader::new(source))
+    }
+
+    pub(crate) fn read(config: &NetworkConfig, level: Simd, reader: &mut Reader<'_>) -> Result<Self> {
+        let (shape, patch) = (config.encoder, config.patch_px);
+        let weights = reader.values("patch_embed.proj.weight", &[shape.dim, IMAGE_CHANNELS, patch, patch])?;
+        let bias = reader.values("patch_embed.proj.bias", &[shape.dim])?;
+        Ok(Self {
+            shape,
+            patch_px: patch,
+            rope_base: config.rope_base,
+            level,
+            pool: Pool::default(),
+            patch_embed: Packed::linear(&weights, IMAGE_CHANNELS * patch * patch, shape.dim, Some(&bias)),
+            blocks: (0..shape.num_blocks)
+                .map(|idx| EncoderBlock::read(reader, &format!("enc_blocks.{idx}"), &shape))
+                .collect::<Result<_>>()?,
+        })
+    }
+
+    /// Bytes of packed weights.
+    #[must_use]
+    pub fn num_weight_bytes(&self) -> usize {
+        self.patch_embed.num_bytes() + self.blocks.iter().map(EncoderBlock::num_bytes).sum::<usize>()
+    }
+
+    /// The tokens of each image before the last normalisation, `[patches, channels]`, row by row of patches.
+    ///
+    /// # Errors
+    /// An image that is empty, not a whole number of patches, or whose values do not fill it.
+    pub fn encode(&self, images: &[Image<'_>]) -> Result<Vec<Vec<f32>>> {
+        let (tokens, grids) = self.run(images, &mut Watch(None))?;
+        let of = |grid: &Grid| {
+            tokens[grid.first * self.shape.dim..][..grid.num_tokens() * self.shape.dim].to_vec()
+        };
+        Ok(grids.iter().map(of).collect())
+    }
+
+    /// The tokens of all images, one after the other, and where they lie.
+    pub(crate) fn run(&self, images: &[Image<'_>], watch: &mut Watch<'_>) -> Result<(Loan<'_>, Vec<Grid>)> {
+        for image in images {
+            self.check_image(image)?;
+        }
+        let context = Context { level: self.level, pool: &self.pool };
+        let (dim, patch) = (self.shape.dim, self.patch_px);
+        let grids = grids_of(images.iter().map(|image| (image.height_px / patch, image.width_px / patch)));
+        let num_tokens: usize = grids.iter().map(Grid::num_tokens).sum();
+        let mut tokens = self.pool.take(num_tokens * dim);
+        {
+            let len = self.patch_embed.inputs;
+            let mut patches = self.pool.take(num_tokens * len);
+            for (image, grid) in images.iter().zip(&grids) {
+                cut(image, patch, *grid, &mut patches[grid.first * len..][..grid.num_tokens() * len]);
+            }
+            context.linear(&patches, &self.patch_embed, &Finish::store(&mut tokens, dim));
+        }
+        watch.see(|| "patch_embed".to_owned(), &[num_tokens, dim], &tokens);
+        let rope = rope(&self.shape, self.rope_base, &grids);
+        for (idx, block) in self.blocks.iter().enumerate() {
+            block.run(&context, &rope, &mut tokens, &grids);
+            watch.see(|| format!("enc_block{idx}"), &[num_tokens, dim], &tokens);
+            watch.finished(Stage::EncoderBlock { idx });
+        }
+        Ok((tokens, grids))
+    }
+
+    fn check_image(&self, image: &Image<'_>) -> Result<()> {
+        let patch = self.patch_px;
+        for (what, side) in [("height", image.height_px), ("width", image.width_px)] {
+            if side == 0 || side % patch != 0 {
+                let expected = format!("a multiple of {patch} pixels");
+                return Err(Error::Image { what, expected, found: side.to_string() });
+            }
+        }
+        let expected = IMAGE_CHANNELS * image.height_px * image.width_px;
+        if image.values.len() != expected {
+            let found = image.values.len().to_string();
+            return Err(Error::Image { what: "number of values", expected: expected.to_string(), found });
+        }
+        Ok(())
+    }
+}
+
+/// The angles for heads of `shape` and tokens of any of the grids.
+pub(crate) fn rope(shape: &Transformer, base: f64, grids: &[Grid]) -> Rope {
+    let side = grids.iter().map(|grid| grid.height.max(grid.width)).max().unwrap_or(1);
+    Rope::new(shape.dim / shape.num_heads, base, side)
+}
+
+/// Grids one after the other.
+pub(crate) fn grids_of(sizes: impl Iterator<Item = (usize, usize)>) -> Vec<Grid> {
+    let mut first = 0;
+    sizes
+        .map(|(height, width)| {
+            let grid = Grid { first, height, width };
+            first += grid.num_tokens();
+            grid
+        })
+        .collect()
+}
+
+/// An image's patches, one row each: channel, row, column.
+fn cut(image: &Image<'_>, patch: usize, grid: Grid, out: &mut [f32]) {
+    let plane = image.height_px * image.width_px;
+    out.par_chunks_mut(IMAGE_CHANNELS * patch * patch).enumerate().for_each(|(token, row)| {
+        let (y, x) = (token / grid.width * patch, token % grid.width * patch);
+        for (line, to) in row.chunks_exact_mut(patch).enumerate() {
+            let from = line / patch * plane + (y + line % patch) * image.width_px + x;
+            to.copy_from_slice(&image.values[from..from + patch]);
+        }
+    });
+}
