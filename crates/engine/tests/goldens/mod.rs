@@ -1,34 +1,16 @@
 //! Reading and comparing the reference's tensors.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+#[path = "../../../network/testdata/golden_file.rs"]
+mod golden_file;
 
-use safetensors::{Dtype, SafeTensors};
+pub use golden_file::{Golden, root};
+
 use selenograph_engine::{Engine, HeadOutput, Image, Probe, Simd};
-use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig, Transformer};
+use std::collections::BTreeMap;
 
 /// Largest difference, relative to the largest value of the tensor.
 #[derive(Clone, Copy)]
 pub struct Tolerance(pub f32);
-
-/// The folder of the goldens, announced as the house wants it.
-pub fn root(name: &str) -> Option<PathBuf> {
-    let shared = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
-        PathBuf::from,
-    );
-    let golden = shared.join("golden");
-    if golden.is_dir() {
-        println!("RAN shared-data: {name}");
-        Some(golden)
-    } else {
-        println!("SKIP shared-data: no goldens");
-        None
-    }
-}
-
-/// Tensors by name: shape and values, integers as floats.
-pub struct Golden(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
 
 /// An image of its own.
 pub struct OwnImage {
@@ -43,51 +25,16 @@ impl OwnImage {
     }
 }
 
-fn floats(dtype: Dtype, bytes: &[u8]) -> Vec<f32> {
-    match dtype {
-        Dtype::F32 => bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-        Dtype::I32 => bytes.as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b) as f32).collect(),
-        Dtype::U8 => bytes.iter().map(|b| f32::from(*b)).collect(),
-        other => panic!("no golden holds {other:?}"),
-    }
-}
-
 impl Golden {
-    pub fn open(path: &Path) -> Self {
-        let bytes = std::fs::read(path).unwrap();
-        let file = SafeTensors::deserialize(&bytes).unwrap();
-        Self(
-            file.tensors()
-                .into_iter()
-                .map(|(name, view)| (name, (view.shape().to_vec(), floats(view.dtype(), view.data()))))
-                .collect(),
-        )
-    }
-
-    pub fn shape(&self, name: &str) -> &[usize] {
-        &self.0[name].0
-    }
-
-    pub fn values(&self, name: &str) -> &[f32] {
-        &self.0[name].1
-    }
-
-    /// A batch item's shape and values.
-    fn item(&self, name: &str, item: usize) -> (&[usize], &[f32]) {
-        let (shape, values) = &self.0[name];
-        let len = values.len() / shape[0];
-        (&shape[1..], &values[item * len..(item + 1) * len])
-    }
-
     pub fn image(&self, name: &str, item: usize) -> OwnImage {
-        let (shape, values) = self.item(name, item);
-        OwnImage { height: shape[1], width: shape[2], values: values.to_vec() }
+        let shape = self.shape(name);
+        OwnImage { height: shape[2], width: shape[3], values: self.item(name, item).to_vec() }
     }
 
     /// A view of a training batch as it was taken, and whether it is stored transposed.
     pub fn upright_image(&self, view: usize, item: usize) -> (OwnImage, bool) {
         let stored = self.image(&format!("gt{view}.img"), item);
-        let shape = self.item(&format!("gt{view}.true_shape"), item).1;
+        let shape = self.item(&format!("gt{view}.true_shape"), item);
         if shape[0] <= shape[1] {
             return (stored, false);
         }
@@ -103,7 +50,7 @@ impl Golden {
 
     /// Panics beyond the tolerance; returns the difference.
     pub fn compare(&self, name: &str, item: usize, found: &[f32], tolerance: Tolerance) -> f32 {
-        let (_, expected) = self.item(name, item);
+        let expected = self.item(name, item);
         assert_eq!(expected.len(), found.len(), "{name}");
         let top = expected.iter().fold(0.0_f32, |top, v| top.max(v.abs()));
         let differences = expected.iter().zip(found).map(|(a, b)| (a - b).abs());
@@ -194,44 +141,11 @@ impl Collected {
     }
 }
 
-/// The small networks' dimensions, from the file beside their weights.
-fn config(folder: &Path) -> NetworkConfig {
-    let text = std::fs::read_to_string(folder.join("config.json")).unwrap();
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let number = |name: &str| usize::try_from(json[name].as_u64().unwrap()).unwrap();
-    let transformer = |part: &str| Transformer {
-        dim: number(&format!("{part}_dim")),
-        num_blocks: number(&format!("{part}_depth")),
-        num_heads: number(&format!("{part}_heads")),
-        mlp_dim: number("mlp_ratio") * number(&format!("{part}_dim")),
-    };
-    let dims: Vec<usize> = json["layer_dims"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|v| usize::try_from(v.as_u64().unwrap()).unwrap())
-        .collect();
-    NetworkConfig {
-        patch_px: number("patch_size"),
-        encoder: transformer("enc"),
-        decoder: transformer("dec"),
-        rope_base: json["rope_base"].as_f64().unwrap(),
-        stem_dims: None,
-        dpt_dims: dims.try_into().unwrap(),
-        dpt_fusion_dim: number("feature_dim"),
-        dpt_last_dim: number("last_dim"),
-        descriptor_dim: Some(number("desc_dim")),
-        depth_mode: DepthMode::Exp,
-        confidence: ConfidenceMode::Exp { min: 1.0, max: f64::INFINITY },
-        descriptor_confidence: Some(ConfidenceMode::Exp { min: 0.0, max: f64::INFINITY }),
-    }
-}
-
 /// A small network with the goldens' weights.
 pub fn network(folder: &str, level: Simd) -> Engine {
     let folder = root(&format!("weights {folder}")).unwrap().join(folder);
     let weights = Golden::open(&folder.join("model.safetensors"));
-    Engine::with_simd(&config(&folder), level, &mut |name| {
+    Engine::with_simd(&golden_file::config(&folder), level, &mut |name| {
         weights.0.get(name).cloned().ok_or_else(|| format!("no tensor `{name}`").into())
     })
     .unwrap()

@@ -43,6 +43,9 @@ pub struct HostBatch {
 
 const VIEWS: [ViewName; 2] = [ViewName::A, ViewName::B];
 
+/// A pair seen both ways: the view whose frame holds, the place of a view, and the view that stands there.
+const BOTH_WAYS: [(usize, usize, usize); 4] = [(0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 0)];
+
 impl HostBatch {
     /// Brings pairs of one size (up to the exchange of rows and columns) together. `stream` orders the matches where
     /// they must be cut into blocks.
@@ -109,16 +112,15 @@ impl HostBatch {
                 self.images.values.extend(order.indices().map(of));
             }
         }
-        for first in [0, 1] {
-            for (slot, view) in [first, 1 - first].into_iter().enumerate() {
-                self.push_truth(pair, first, slot, view);
-                if let Some(normals) = &mut self.epipolar_normals {
-                    let planes = epipolar_normals(pair, first, view);
-                    let order = StorageOrder::of(pair, view);
-                    normals[slot]
-                        .extend(order.indices().flat_map(|idx| planes.get(idx).copied().unwrap_or_default()));
-                }
+        for (first, slot, view) in BOTH_WAYS {
+            self.push_truth(pair, first, slot, view);
+            if let Some(normals) = &mut self.epipolar_normals {
+                let planes = epipolar_normals(pair, first, view);
+                let order = StorageOrder::of(pair, view).indices();
+                normals[slot].extend(order.flat_map(|idx| planes.get(idx).copied().unwrap_or_default()));
             }
+        }
+        for first in [0, 1] {
             self.metric.push(pair.is_metric);
             self.up.extend(up_in(pair, first));
         }
@@ -171,13 +173,13 @@ impl HostBatch {
                 order.swap(n, n + stream.index(num_matches - n));
             }
         }
-        for first in [0, 1] {
-            for (slot, view) in [first, 1 - first].into_iter().enumerate() {
-                let storage = StorageOrder::of(pair, view);
-                let pixels = if view == 0 { &matches.a } else { &matches.b };
-                self.pixels[slot]
-                    .extend(order.iter().map(|n| pixels.get(*n).map_or(0, |pixel| storage.position(*pixel))));
-            }
+        for (_, slot, view) in BOTH_WAYS {
+            let storage = StorageOrder::of(pair, view);
+            let pixels = [&matches.a, &matches.b][view];
+            let position = |n: &usize| pixels.get(*n).map_or(0, |pixel| storage.position(*pixel));
+            self.pixels[slot].extend(order.iter().map(position));
+        }
+        for _ in VIEWS {
             self.matched.extend(order.iter().map(|n| matches.valid.get(*n).copied().unwrap_or(false)));
         }
         Ok(())

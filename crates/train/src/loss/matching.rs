@@ -43,7 +43,7 @@ pub struct MatchingLoss {
 
 /// The matching loss of a batch.
 pub fn matching(output: &[ViewOutput; 2], matches: &Matches, settings: &MatchingSettings) -> MatchingLoss {
-    let per_match = per_match(output, matches, settings);
+    let per_match = info_nce(output, matches, settings);
     let confidence = [0, 1].map(|view| {
         let [b, h, w] = output[view].descriptor_confidence.dims();
         let flat = output[view].descriptor_confidence.clone().reshape([b, h * w]);
@@ -60,14 +60,14 @@ pub fn matching(output: &[ViewOutput; 2], matches: &Matches, settings: &Matching
 }
 
 /// `−ln p(b|a) − ln p(a|b)` of each pair of pixels, the negatives among them counted in the sums only: B × n.
-pub fn per_match(output: &[ViewOutput; 2], matches: &Matches, settings: &MatchingSettings) -> Tensor<2> {
+pub fn info_nce(output: &[ViewOutput; 2], matches: &Matches, settings: &MatchingSettings) -> Tensor<2> {
     let [b, n] = matches.valid.dims();
     let pairs = (0..b).map(|item| {
         let sampled = [0, 1].map(|view| sampled(output, matches, view, item));
         let blocks = (0..n).step_by(settings.block).map(|start| {
             let len = settings.block.min(n - start);
             let [first, second] = sampled.clone().map(|all| all.narrow(0, start, len));
-            info_nce(first, second, settings.temperature)
+            of_rows(first, second, settings.temperature)
         });
         Tensor::cat(blocks.collect(), 0)
     });
@@ -83,13 +83,13 @@ pub(super) fn sampled(output: &[ViewOutput; 2], matches: &Matches, view: usize, 
 }
 
 /// The loss of each row of `first` with the same row of `second`: n.
-fn info_nce(first: Tensor<2>, second: Tensor<2>, temperature: f64) -> Tensor<1> {
+fn of_rows(first: Tensor<2>, second: Tensor<2>, temperature: f64) -> Tensor<1> {
     let [n, _] = first.dims();
     let matched = (first.clone() * second.clone()).sum_dim(1).reshape([n]) / temperature;
     // Similarities of unit vectors stay below 1 / temperature = 20: no maximum needs to be taken out.
     let exponentials = (first.matmul(second.transpose()) / temperature).exp();
-    let of_columns = exponentials.clone().sum_dim(0).log().reshape([n]);
-    let of_rows = exponentials.sum_dim(1).log().reshape([n]);
+    let sums_of_columns = exponentials.clone().sum_dim(0).log().reshape([n]);
+    let sums_of_rows = exponentials.sum_dim(1).log().reshape([n]);
     let smallest = SMALLEST_PROBABILITY.ln();
-    -(matched.clone() - of_columns).clamp_min(smallest) - (matched - of_rows).clamp_min(smallest)
+    -(matched.clone() - sums_of_columns).clamp_min(smallest) - (matched - sums_of_rows).clamp_min(smallest)
 }

@@ -13,9 +13,9 @@ mod tests;
 
 pub use confidence::confidence_weighted;
 pub use epipolar::epipolar;
-pub use matching::{MatchingLoss, MatchingSettings, matching};
+pub use matching::{MatchingLoss, MatchingSettings, info_nce, matching};
 pub use normals::normals;
-pub use precision::average_precision;
+pub use precision::{average_precision, reciprocal_ranks};
 pub use regression::{Normalised, PixelLoss, normalise, regression};
 pub use slope::slope;
 

@@ -15,11 +15,15 @@ pub fn average_precision(
     matches: &Matches,
     padding: Option<&Tensor<2, Int>>,
 ) -> Tensor<1> {
-    masked_mean(per_match(output, matches, padding), matches.valid.clone())
+    masked_mean(reciprocal_ranks(output, matches, padding), matches.valid.clone())
 }
 
 /// One over the rank of each match: B × n.
-pub fn per_match(output: &[ViewOutput; 2], matches: &Matches, padding: Option<&Tensor<2, Int>>) -> Tensor<2> {
+pub fn reciprocal_ranks(
+    output: &[ViewOutput; 2],
+    matches: &Matches,
+    padding: Option<&Tensor<2, Int>>,
+) -> Tensor<2> {
     let [b, n] = matches.valid.dims();
     let items = (0..b).map(|item| {
         let [first, second] = [0, 1].map(|view| sampled(output, matches, view, item).detach());

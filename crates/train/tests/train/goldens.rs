@@ -1,60 +1,22 @@
 //! The reference's tensors, and training pairs made of its truth.
 
+#[path = "../../../network/testdata/golden_file.rs"]
+#[allow(dead_code, reason = "every crate takes what it needs")]
+mod golden_file;
+
+pub use golden_file::{Golden, root};
+
 use burn_tensor::{Device, Tensor, TensorData};
 use nalgebra::{Matrix3, Point3};
-use safetensors::{Dtype, SafeTensors};
 use selenograph_dataset::correspondence::Matches;
 use selenograph_dataset::sample::{Provenance, TrainingPair, TrainingView, ViewTruth};
 use selenograph_geometry::{Camera, Rigid3, pixel::PixelConvention};
 use selenograph_raster::Raster;
 use selenograph_train::batch::ViewOutput;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-/// The folder of the goldens, announced as the house wants it.
-pub fn root(name: &str) -> Option<PathBuf> {
-    let shared = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
-        PathBuf::from,
-    );
-    let golden = shared.join("golden");
-    if golden.is_dir() {
-        println!("RAN shared-data: {name}");
-        Some(golden)
-    } else {
-        println!("SKIP shared-data: no goldens");
-        None
-    }
-}
-
-/// Tensors by name: shape and values, integers as floats.
-pub struct Golden(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
-
-fn floats(dtype: Dtype, bytes: &[u8]) -> Vec<f32> {
-    match dtype {
-        Dtype::F32 => bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-        Dtype::I32 => bytes.as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b) as f32).collect(),
-        Dtype::U8 => bytes.iter().map(|b| f32::from(*b)).collect(),
-        other => panic!("no golden holds {other:?}"),
-    }
-}
 
 impl Golden {
-    pub fn open(path: &Path) -> Self {
-        let bytes = std::fs::read(path).unwrap();
-        let file = SafeTensors::deserialize(&bytes).unwrap();
-        let read = |(name, view): (String, safetensors::tensor::TensorView<'_>)| {
-            (name, (view.shape().to_vec(), floats(view.dtype(), view.data())))
-        };
-        Self(file.tensors().into_iter().map(read).collect())
-    }
-
     pub fn has(&self, name: &str) -> bool {
         self.0.contains_key(name)
-    }
-
-    pub fn values(&self, name: &str) -> &[f32] {
-        &self.0[name].1
     }
 
     pub fn scalar(&self, name: &str) -> f32 {
@@ -64,12 +26,6 @@ impl Golden {
     pub fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Tensor<D> {
         let (shape, values) = &self.0[name];
         Tensor::from_data(TensorData::new(values.clone(), shape.clone()), device)
-    }
-
-    pub fn item(&self, name: &str, item: usize) -> &[f32] {
-        let (shape, values) = &self.0[name];
-        let len = values.len() / shape[0];
-        &values[item * len..(item + 1) * len]
     }
 
     /// Both views' outputs as stored under `pred.*_1` and `pred.*_2`, with their gradients kept.

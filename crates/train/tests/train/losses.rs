@@ -1,9 +1,9 @@
 //! Every loss of the paper: values and gradients.
 
 use crate::goldens::{Golden, relative_error, root, values};
-use burn_tensor::{Device, Tensor};
+use burn_tensor::{Device, Int, Tensor};
 use selenograph_dataset::rng::rng;
-use selenograph_train::batch::{AssemblySettings, HostBatch, Targets, ViewOutput};
+use selenograph_train::batch::{AssemblySettings, HostBatch, Matches, Targets, ViewOutput, ViewTarget};
 use selenograph_train::loss::{self, LossSettings, MatchingSettings, term};
 
 /// Losses, relative: the README of the goldens.
@@ -13,11 +13,9 @@ const GRADIENT_TOLERANCE: f32 = 1e-3;
 /// Normalised points are quotients of values that the reference knows to 2e-7.
 const POINT_TOLERANCE: f32 = 2e-6;
 
-fn targets(golden: &Golden, metric: &Golden, device: &Device) -> Targets {
+fn host_batch(golden: &Golden, metric: &Golden) -> HostBatch {
     let settings = AssemblySettings { match_block: 8192, epipolar: false };
-    let host =
-        HostBatch::assemble(&golden.pairs(metric), &settings, &mut rng(0, "test", 0, "matches")).unwrap();
-    host.targets(device)
+    HostBatch::assemble(&golden.pairs(metric), &settings, &mut rng(0, "test", 0, "matches")).unwrap()
 }
 
 fn assert_close(name: &str, found: f32, expected: f32) {
@@ -51,7 +49,7 @@ fn check_training(file: &str) {
     let truth = Golden::open(&root.join("losses/loss_norm.safetensors"));
     let golden = Golden::open(&root.join(format!("losses/{file}.safetensors")));
     let device = Device::flex();
-    let targets = targets(&truth, &golden, &device);
+    let targets = host_batch(&truth, &golden).targets(&device);
     let tracked = device.autodiff();
     for (case, weight) in [("conf_regr", 0.0), ("total", 0.075)] {
         let output = truth.output(&tracked);
@@ -97,4 +95,107 @@ fn shared_scale_free_pairs() {
 #[test]
 fn shared_metric_pairs() {
     check_training("loss_metric");
+}
+
+/// The values of the valid matches, row by row.
+fn of_valid(matches: &Matches, found: &Tensor<2>) -> Vec<f32> {
+    let valid: Vec<bool> = matches.valid.to_data().try_to_vec().unwrap();
+    values(found).into_iter().zip(valid).filter_map(|(value, valid)| valid.then_some(value)).collect()
+}
+
+#[test]
+fn shared_every_match_of_the_matching_loss_and_several_blocks() {
+    let Some(root) = root("golden losses/loss_norm, infonce") else { return };
+    let golden = Golden::open(&root.join("losses/loss_norm.safetensors"));
+    let device = Device::flex();
+    let output = golden.output(&device.clone().autodiff());
+    let matches = host_batch(&golden, &golden).targets(&device).matches.unwrap();
+    let settings = MatchingSettings::default();
+    let expected = golden.values("infonce.per_match");
+    let found = of_valid(&matches, &loss::info_nce(&output, &matches, &settings));
+    let error = relative_error(&found, expected);
+    assert!(error <= LOSS_TOLERANCE, "{error:.1e}");
+
+    // Each match three times, in three blocks that know nothing of each other: three times the same.
+    let [_, n] = matches.valid.dims();
+    let thrice = |pixels: &Tensor<2, Int>| Tensor::cat(vec![pixels.clone(); 3], 1);
+    let blocks = Matches {
+        pixels: [0, 1].map(|view| thrice(&matches.pixels[view])),
+        valid: Tensor::cat(vec![matches.valid.clone(); 3], 1),
+    };
+    let settings = MatchingSettings { block: n, ..settings };
+    let in_blocks = loss::info_nce(&output, &blocks, &settings);
+    for block in 0..3 {
+        let found = of_valid(&matches, &in_blocks.clone().narrow(1, block * n, n));
+        let error = relative_error(&found, expected);
+        assert!(error <= LOSS_TOLERANCE, "block {block}: {error:.1e}");
+    }
+    let whole = loss::matching(&output, &blocks, &settings);
+    assert_close("plain", values(&whole.plain)[0], golden.scalar("conf_match.detail.MatchingLoss"));
+    assert_close("weighted", values(&whole.weighted)[0], golden.scalar("conf_match.value"));
+}
+
+#[test]
+fn shared_test_criterion_and_average_precision() {
+    let Some(root) = root("golden losses/loss_norm, test criterion") else { return };
+    let golden = Golden::open(&root.join("losses/loss_norm.safetensors"));
+    let device = Device::flex();
+    let output = golden.output(&device.clone().autodiff());
+    let batch = host_batch(&golden, &golden);
+    let targets = batch.targets(&device);
+
+    let padding = batch.padding(100, &device);
+    let loss = loss::test_criterion(&output, &targets, padding.as_ref());
+    assert_close("padded", values(&loss.total)[0], golden.scalar("test_f32.value"));
+    for (name, theirs) in [
+        (term::REGRESSION_A, "Regr3D_pts3d_1"),
+        (term::REGRESSION_B, "Regr3D_pts3d_2"),
+        (term::PRECISION, "MatchingLoss"),
+    ] {
+        let found = &loss.terms.iter().find(|(ours, _)| *ours == name).unwrap().1;
+        assert_close(name, values(found)[0], golden.scalar(&format!("test_f32.detail.{theirs}")));
+    }
+    let loss = loss::test_criterion(&output, &targets, None);
+    assert_close("unpadded", values(&loss.total)[0], golden.scalar("test_nopad.value"));
+
+    let matches = targets.matches.as_ref().unwrap();
+    let found = of_valid(matches, &loss::reciprocal_ranks(&output, matches, padding.as_ref()));
+    // Quotients of small whole numbers: the same to the last digit.
+    let error = relative_error(&found, golden.values("ap.per_match"));
+    assert!(error <= f32::EPSILON, "{error:.1e}");
+}
+
+#[test]
+fn shared_scale_of_a_pair() {
+    let Some(root) = root("golden geom, norm") else { return };
+    let golden = Golden::open(&root.join("geom.safetensors"));
+    let device = Device::flex();
+    let [points_a, points_b] = ["norm.p1", "norm.p2"].map(|name| golden.tensor::<4>(name, &device));
+    let [b, h, w, _] = points_a.dims();
+    let view = |points: &Tensor<4>, mask: &str| {
+        let valid = golden.tensor::<3>(mask, &device).greater_elem(0.5);
+        ViewTarget { points: points.clone(), sky: valid.clone().bool_not(), valid }
+    };
+    let targets = Targets {
+        views: [view(&points_a, "norm.m1"), view(&points_b, "norm.m2")],
+        metric: Tensor::from_data([false; 2], &device),
+        matches: None,
+        up: Tensor::zeros([b, 3], &device),
+        epipolar_normals: None,
+    };
+    let predicted = |points: Tensor<4>| ViewOutput {
+        points,
+        confidence: Tensor::ones([b, h, w], &device),
+        descriptors: Tensor::ones([b, h, w, 1], &device),
+        descriptor_confidence: Tensor::ones([b, h, w], &device),
+    };
+    // The prediction is half the truth: its own scale takes that out.
+    let output = [predicted(points_a.clone() * 0.5), predicted(points_b * 0.5)];
+    let found = loss::normalise(&output, &targets);
+    let expected = golden.values("norm.factor");
+    let error = relative_error(&values(&found.truth_scale_m), expected);
+    assert!(error <= POINT_TOLERANCE, "{error:.1e}");
+    let theirs = points_a / golden.tensor::<4>("norm.factor", &device);
+    let error = relative_error(&values(&found.views[0].0), &values(&theirs));
+    assert!(error <= POINT_TOLERANCE, "{error:.1e}");
 }
