@@ -94,7 +94,7 @@ pub fn parse(name: &str) -> Result<Device> {
 }
 
 /// Whether it is burn's CPU backend.
-pub(crate) fn is_cpu(device: &Device) -> bool {
+pub fn is_cpu(device: &Device) -> bool {
     *device == Device::flex()
 }
 

@@ -25,6 +25,9 @@ pub enum Error {
     /// The layers of crate `model`.
     #[error(transparent)]
     Model(#[from] selenograph_model::Error),
+    /// The frozen encoder.
+    #[error(transparent)]
+    Engine(#[from] selenograph_engine::Error),
     /// Another network refuses its input, or its parameters.
     #[error("the network: {0}")]
     Layers(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -111,6 +114,7 @@ impl Error {
             Self::Network(error) => error.hint(),
             Self::Report(error) => error.hint(),
             Self::Model(error) => error.hint(),
+            Self::Engine(error) => error.hint(),
             Self::Io { action: "write", .. } => {
                 Some("is there space, and may you write there? the last checkpoint is whole")
             }

@@ -11,6 +11,7 @@
 
 pub mod batch;
 mod error;
+mod frozen;
 pub mod loss;
 mod model_network;
 pub mod network;

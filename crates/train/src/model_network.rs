@@ -2,13 +2,15 @@
 
 use crate::Error;
 use crate::batch::{PairImages, ViewOutput};
+use crate::frozen::FrozenEncoder;
 use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Images, Inputs, Keep, Model, Output, Parameter};
+use selenograph_model::{Features, Images, Inputs, Keep, Model, Output, Parameter};
 use selenograph_network::layout::Part;
 use selenograph_network::{NetworkConfig, checkpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// Which parameters stay as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -27,6 +29,9 @@ pub struct ModelNetwork {
     frozen: Frozen,
     keep: Keep,
     metadata: BTreeMap<String, String>,
+    cache_bytes: usize,
+    /// Made when it is first needed, and again after its weights were changed.
+    encoder: OnceLock<FrozenEncoder>,
 }
 
 impl ModelNetwork {
@@ -34,7 +39,14 @@ impl ModelNetwork {
     pub fn new(model: Model, frozen: Frozen, keep: Keep, license: Option<&str>, provenance: &str) -> Self {
         let mut metadata = checkpoint::header(model.config(), license);
         metadata.insert(checkpoint::key::PROVENANCE.to_owned(), provenance.to_owned());
-        Self { model, frozen, keep, metadata }
+        Self { model, frozen, keep, metadata, cache_bytes: 0, encoder: OnceLock::new() }
+    }
+
+    /// The same, keeping up to so many bytes of what a frozen encoder makes of pictures: for runs in which the same
+    /// picture comes again.
+    #[must_use]
+    pub fn with_encoding_cache(self, cache_bytes: usize) -> Self {
+        Self { cache_bytes, encoder: OnceLock::new(), ..self }
     }
 
     /// The model.
@@ -42,17 +54,35 @@ impl ModelNetwork {
         &self.model
     }
 
-    fn trains(&self, parameter: &Parameter) -> bool {
-        let is_frozen = match self.frozen {
+    fn is_frozen(&self, parameter: &Parameter) -> bool {
+        match self.frozen {
             Frozen::None => false,
             Frozen::Encoder => matches!(parameter.spec().part, Part::Stem | Part::PatchEmbed | Part::Encoder),
+        }
+    }
+
+    fn trains(&self, parameter: &Parameter) -> bool {
+        parameter.is_computed() && !self.is_frozen(parameter)
+    }
+
+    /// What a frozen encoder makes of the pictures; none where it learns, or where the heads read a stem's maps too.
+    fn features(&self, images: &PairImages) -> Result<Option<Features>, Error> {
+        if self.frozen == Frozen::None || self.model.config().stem_dims.is_some() {
+            return Ok(None);
+        }
+        let encoder = match self.encoder.get() {
+            Some(encoder) => encoder,
+            None => {
+                let made = FrozenEncoder::new(&self.model, self.cache_bytes)?;
+                self.encoder.get_or_init(|| made)
+            }
         };
-        parameter.is_computed() && !is_frozen
+        encoder.features(&self.model, images).map(Some)
     }
 }
 
 /// The pictures as the model takes them.
-fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
+pub(crate) fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
     let [height, width] = images.size;
     let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
     let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
@@ -84,7 +114,10 @@ fn view(output: &Output) -> Result<ViewOutput, Error> {
 
 impl PairNetwork for ModelNetwork {
     fn forward(&self, images: &PairImages) -> Result<[ViewOutput; 2], Error> {
-        let encoding = self.model.encode(&stored(images, &self.device())?)?;
+        let encoding = match self.features(images)? {
+            Some(features) => self.model.normalize(&features),
+            None => self.model.encode(&stored(images, &self.device())?)?,
+        };
         let [first, second] = [0, 1].map(|side| {
             let places: Vec<usize> = both_ways(images).iter().map(|pair| pair[side]).collect();
             encoding.select(&places)
@@ -97,10 +130,18 @@ impl PairNetwork for ModelNetwork {
         images: &PairImages,
         loss: &mut dyn FnMut(&[ViewOutput; 2]) -> Result<Tensor<1>, Error>,
     ) -> Result<Gradients, Error> {
-        let stored = stored(images, &self.device())?;
+        let features = self.features(images)?;
+        let pixels;
+        let inputs = match &features {
+            Some(features) => Inputs::Features(features),
+            None => {
+                pixels = stored(images, &self.device())?;
+                Inputs::Images(&pixels)
+            }
+        };
         let learned = self.model.learn(
             &|parameter| self.trains(parameter),
-            Inputs::Images(&stored),
+            inputs,
             &both_ways(images),
             self.keep,
             &mut |output| loss(&views(output)?),
@@ -121,6 +162,9 @@ impl PairNetwork for ModelNetwork {
             let value = parameter.value().clone();
             let changed = changes(parameter.name(), &parameter.spec().shape, value);
             if let Some(changed) = changed {
+                if self.is_frozen(self.model.parameters().at(idx)) {
+                    self.encoder.take();
+                }
                 self.model.parameters_mut().set(idx, changed)?;
             }
         }

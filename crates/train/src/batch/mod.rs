@@ -5,6 +5,7 @@ mod host;
 pub use host::{AssemblySettings, HostBatch};
 
 use burn_tensor::{Bool, Int, Tensor};
+use std::borrow::Cow;
 
 /// The pictures of P pairs in host memory, A and B of each pair in turn, stored landscape: those of portrait format with
 /// rows and columns exchanged.
@@ -16,6 +17,36 @@ pub struct PairImages {
     pub values: Vec<f32>,
     /// For each picture whether it is of portrait format: 2P.
     pub portrait: Vec<bool>,
+}
+
+impl PairImages {
+    /// The values of one picture as stored: 3 × H × W.
+    pub fn picture(&self, place: usize) -> &[f32] {
+        let len = 3 * self.size[0] * self.size[1];
+        &self.values[place * len..][..len]
+    }
+
+    /// Rows, columns and values of one picture as it was taken.
+    pub fn upright(&self, place: usize) -> ([usize; 2], Cow<'_, [f32]>) {
+        let ([rows, columns], stored) = (self.size, self.picture(place));
+        if !self.portrait[place] {
+            return (self.size, stored.into());
+        }
+        let plane = |channel: &[f32]| -> Vec<f32> {
+            (0..columns * rows).map(|idx| channel[idx % rows * columns + idx / rows]).collect()
+        };
+        ([columns, rows], stored.chunks(rows * columns).flat_map(plane).collect())
+    }
+
+    /// The pictures at these places.
+    #[must_use]
+    pub fn select(&self, places: &[usize]) -> Self {
+        Self {
+            size: self.size,
+            values: places.iter().flat_map(|place| self.picture(*place)).copied().collect(),
+            portrait: places.iter().map(|place| self.portrait[*place]).collect(),
+        }
+    }
 }
 
 /// What a network says about one view of B pairs of H × W pixels, stored as the pictures are.

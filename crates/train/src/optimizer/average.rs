@@ -4,7 +4,7 @@ use crate::network::PairNetwork;
 use burn_tensor::Tensor;
 use std::collections::BTreeMap;
 
-/// A moving average of the weights of a network.
+/// A moving average of the weights of a network that learn.
 #[derive(Debug, Clone)]
 pub struct WeightAverage {
     decay: f64,
@@ -14,9 +14,12 @@ pub struct WeightAverage {
 impl WeightAverage {
     /// Starts at the network's weights, or goes on from `values`.
     pub fn new(decay: f64, network: &dyn PairNetwork, mut values: BTreeMap<String, Tensor<1>>) -> Self {
+        values.retain(|name, _| network.learns(name));
         if values.is_empty() {
             network.visit(&mut |name, _, value| {
-                values.insert(name.to_owned(), value);
+                if network.learns(name) {
+                    values.insert(name.to_owned(), value);
+                }
             });
         }
         Self { decay, values }

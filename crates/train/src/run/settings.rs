@@ -65,6 +65,9 @@ pub struct TrainSettings {
     pub warmup_epochs: f64,
     /// Which parameters stay.
     pub frozen: Frozen,
+    /// Keep what a frozen encoder makes of pictures, up to so many MiB: worth it where the same picture comes again, which
+    /// it does without augmentation only.
+    pub encoding_cache_mib: usize,
     /// Numbers on a graphics card.
     pub precision: Precision,
     /// Keep only what goes into each block of the transformers and compute the rest a second time: less memory, more time.
@@ -96,6 +99,7 @@ impl Default for TrainSettings {
             min_learning_rate: 2e-7,
             warmup_epochs: 0.0,
             frozen: Frozen::Encoder,
+            encoding_cache_mib: 0,
             precision: Precision::F32,
             recompute: false,
             loss_scaling: false,

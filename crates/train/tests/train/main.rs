@@ -5,6 +5,7 @@
     reason = "a test fails by panicking, and says what it read"
 )]
 
+mod frozen;
 mod goldens;
 mod losses;
 mod runs;

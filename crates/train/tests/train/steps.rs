@@ -32,7 +32,7 @@ fn network(folder: &Path, frozen: Frozen, keep: Keep) -> ModelNetwork {
     ModelNetwork::new(model, frozen, keep, None, "goldens")
 }
 
-fn host_batch(golden: &Golden) -> HostBatch {
+pub fn host_batch(golden: &Golden) -> HostBatch {
     let settings = AssemblySettings { match_block: 8192, epipolar: false };
     let mut stream = rng(0, "test", 0, "matches");
     let mut batch = HostBatch::assemble(&golden.pairs(golden), &settings, &mut stream).unwrap();

@@ -123,7 +123,8 @@ impl Request {
             format!("trained by selenograph {} from {}", env!("CARGO_PKG_VERSION"), self.origin());
         let keep = if learning.recompute { Keep::BlockInputs } else { Keep::Everything };
         let model = model.with_precision(precision);
-        Ok(ModelNetwork::new(model, learning.frozen, keep, license.as_deref(), &provenance))
+        let network = ModelNetwork::new(model, learning.frozen, keep, license.as_deref(), &provenance);
+        Ok(network.with_encoding_cache(learning.encoding_cache_mib << 20))
     }
 
     /// The network whose predictions stand in for the truth.
