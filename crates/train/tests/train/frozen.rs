@@ -15,7 +15,7 @@ use selenograph_train::{Error, Frozen, ModelNetwork};
 const LOSS_TOLERANCE: f32 = 1e-5;
 /// Of a gradient, relative to its largest value or a thousandth of the largest of all: what is summed with changing signs
 /// keeps fewer digits than its terms.
-const GRADIENT_TOLERANCE: f32 = 1e-3;
+const GRADIENT_TOLERANCE: f32 = 1e-4;
 
 /// Loss and gradients of a batch.
 fn learn(network: &ModelNetwork, batch: &HostBatch) -> (f32, Gradients) {
