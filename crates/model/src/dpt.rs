@@ -16,7 +16,7 @@ pub(crate) fn stem(at: &Scope<'_>, images: Tensor<4>) -> [Tensor<4>; 3] {
     })
 }
 
-/// The map `[images, 4, height, width]` and the features it is linear in, from the tokens at the four hooks, which lie on a
+/// The map `[images, 4, height, width]` and the features it is linear in (with a stem at half its size), from the tokens at the four hooks, which lie on a
 /// grid of `[rows, columns]`, and the maps of the stem if there is one; `at` is the place `dpt`, `label` what the probe knows
 /// the head by.
 pub(crate) fn dpt(
@@ -53,9 +53,12 @@ pub(crate) fn dpt(
         x = x + scratch.conv1("stem0_rn", half.clone());
     }
     let head = at.under("head");
-    let x = upsampled(head.conv3("0", x, 1));
+    let x = head.conv3("0", x, 1);
+    // With a stem the last layers work at half the size: their outputs are smooth, and small networks have no time to lose.
+    let x = if maps.is_some() { x } else { upsampled(x) };
     let features = activation::relu(head.conv3("2", x, 1));
     let map = head.exact().conv1("4", features.clone());
+    let map = if maps.is_some() { upsampled(map) } else { map };
     at.see(|| format!("{label}.dpt_out"), &map);
     [map, features]
 }

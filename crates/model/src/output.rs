@@ -4,6 +4,7 @@ use burn_tensor::Tensor;
 use selenograph_network::NetworkConfig;
 use selenograph_network::config::{ConfidenceMode, DepthMode};
 
+use crate::dpt::upsampled;
 use crate::scope::Scope;
 use crate::views::{Grid, StemMaps, gather, select};
 
@@ -96,7 +97,7 @@ fn upright_head(
     };
     let pixels =
         if maps.is_some() {
-            at.exact().conv1("head_local_features", features).permute([0, 2, 3, 1])
+            upsampled(at.exact().conv1("head_local_features", features)).permute([0, 2, 3, 1])
         } else {
             let both = Tensor::cat(vec![hooks[0].clone(), hooks[3].clone()], 2);
             let raw = at.mlp("head_local_features", both);

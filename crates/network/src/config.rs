@@ -104,8 +104,9 @@ pub struct NetworkConfig {
     /// Side of a patch, pixels.
     pub patch_px: usize,
     /// Channels of the maps of a convolutional stem, at a half, a quarter and an eighth of the picture's size; `None` for the
-    /// published networks, whose tokens are linear in the pixels. With a stem the finer maps also enter the dense heads, and
-    /// descriptors come from their last features instead of from an MLP on tokens.
+    /// published networks, whose tokens are linear in the pixels. With a stem the finer maps also enter the dense heads, whose
+    /// last layers work at half the picture's size, and descriptors come from their last features instead of from an MLP on
+    /// tokens.
     ///
     /// # Source
     /// Xiao et al. 2021, "Early Convolutions Help Transformers See Better"; the joining of fine maps is that of Ronneberger

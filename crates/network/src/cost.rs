@@ -133,6 +133,8 @@ fn points(config: &NetworkConfig, grid: Grid) -> f64 {
         .stem_dims
         .map_or(0.0, |[half, quarter, _]| fusion * (fine * half as f64 + levels[0] * quarter as f64));
     let pixels = tokens * config.patch_area() as f64;
+    // With a stem the last layers work at half the size.
+    let pixels = if config.stem_dims.is_some() { fine } else { pixels };
     let finish = fine * 9.0 * fusion * half + pixels * (9.0 * half * last + last * POINT_CHANNELS as f64);
     reduce + resample + fused + joined + finish
 }
@@ -144,7 +146,7 @@ fn descriptors(config: &NetworkConfig, grid: Grid) -> f64 {
         return 0.0;
     }
     if config.stem_dims.is_some() {
-        return grid.width * grid.height * (config.dpt_last_dim * outputs) as f64;
+        return grid.width * grid.height * (config.dpt_last_dim * outputs) as f64 / 4.0;
     }
     let hidden = config.descriptor_hidden_dim();
     grid.width * grid.height * (hidden * (config.descriptor_input_dim() + outputs)) as f64

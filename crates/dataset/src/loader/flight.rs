@@ -47,11 +47,22 @@ impl Flight {
         self.keep_out = Some((map, ground));
     }
 
-    /// The ground that a pair of the first pass sees, if it has a place.
+    /// The ground that a pair of the first pass sees, if it has a place and is not kept out of it.
     pub fn footprint(&self, pair_id: u64, map: &Projection) -> Result<Option<Footprint>, Error> {
         let tracer = Tracer::new(&self.terrain, self.campaign.render.surface);
         let row = Planner::new(&self.campaign, &tracer)?.row(pair_id);
-        Ok(row.placed.and_then(|placed| footprint_of_views(&tracer, &placed.views(), map, pair_id)))
+        let Some(placed) = row.placed else { return Ok(None) };
+        let views = placed.views();
+        if self.is_kept_out(&tracer, &views, pair_id) {
+            return Ok(None);
+        }
+        Ok(footprint_of_views(&tracer, &views, map, pair_id))
+    }
+
+    fn is_kept_out(&self, tracer: &Tracer<'_>, views: &[View; 2], pair_id: u64) -> bool {
+        let Some((map, ground)) = &self.keep_out else { return false };
+        let footprint = footprint_of_views(tracer, views, map, pair_id);
+        footprint.is_some_and(|own| ground.iter().any(|other| share_ground(&own, other)))
     }
 
     /// Latitude of the first pair that finds a place.
@@ -85,11 +96,8 @@ impl Flight {
         let refuse = |why: &str| Err(unusable(format!("pair {pair_id} of `{}`", campaign.name), why));
         let Some(placed) = row.placed else { return refuse("it found no place on the terrain") };
         let views = rolled(&placed, request.augmentation, request.seed, request.position);
-        if let Some((map, ground)) = &self.keep_out {
-            let footprint = footprint_of_views(&tracer, &views, map, pair_id);
-            if footprint.is_some_and(|own| ground.iter().any(|other| share_ground(&own, other))) {
-                return refuse("it sees ground that is held out");
-            }
+        if self.is_kept_out(&tracer, &views, pair_id) {
+            return refuse("it sees ground that is held out");
         }
         let mut truths = Vec::with_capacity(2);
         for view in &views {
