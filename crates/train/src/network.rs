@@ -14,7 +14,7 @@ pub type Changes<'a> = dyn FnMut(&str, &[usize], Tensor<1>) -> Option<Tensor<1>>
 /// A network that gives pointmaps, confidences and descriptors of pairs, and its parameters by name.
 ///
 /// Of P pairs it gives 2P items: `2p` is pair p as (A, B), `2p + 1` as (B, A), each in the frame of its first view.
-pub trait PairNetwork {
+pub trait PairNetwork: Sync {
     /// The outputs of both views.
     ///
     /// # Errors

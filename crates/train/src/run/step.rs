@@ -1,11 +1,12 @@
 //! One step: batches, gradients, weights.
 
 use super::metrics::StepRecord;
+use super::settings::TrainSettings;
 use super::trainer::Trainer;
 use crate::Error;
 use crate::batch::HostBatch;
 use crate::loss::{Loss, training_loss};
-use crate::network::Gradients;
+use crate::network::{Gradients, PairNetwork};
 use crate::optimizer::{clip, norm, scale};
 use burn_tensor::Tensor;
 use selenograph_network::ElementType;
@@ -33,9 +34,7 @@ impl Trainer<'_> {
         let began_s = self.elapsed_s();
         let learning_rate = self.settings.schedule().at(self.epoch_at(self.state.step));
         let mut gathered = Gathered::default();
-        for _ in 0..self.settings.accumulate {
-            self.gather(&mut gathered)?;
-        }
+        self.gather(&mut gathered)?;
         let gradient_norm = self.unscaled_norm(&mut gathered)?;
         let moved = gradient_norm.is_finite();
         if moved {
@@ -65,39 +64,31 @@ impl Trainer<'_> {
         })
     }
 
-    /// Adds the gradients of the next batch.
+    /// Adds up the gradients of the step's batches, always in their order, so that the sum is the same however many of them
+    /// are computed at a time.
     fn gather(&mut self, gathered: &mut Gathered) -> Result<(), Error> {
-        let asked_s = self.elapsed_s();
-        let batch = self.hands.source.next_batch()?;
-        gathered.wait_s += self.elapsed_s() - asked_s;
-        gathered.pairs += batch.num_pairs;
-        self.state.batches += 1;
-        let network = &*self.hands.network;
-        let mut targets = batch.targets(&network.device());
-        if let Some(teacher) = self.hands.teacher {
-            targets =
-                targets.taught_by(&teacher.forward(&batch.images)?, self.settings.teacher_min_confidence);
-        }
-        let share = 1.0 / self.settings.accumulate as f64;
-        let factor = self.state.loss_scale.map_or(1.0, |scale| scale.factor());
-        let mut values = Vec::new();
-        let gradients = network.learn(&batch.images, &mut |output| {
-            let loss = training_loss(output, &targets, &self.settings.loss);
-            values = read(&loss);
-            let total = values[0].1;
-            if !total.is_finite() {
-                return Err(diverged(&self.folder, self.state.step + 1, total, &batch));
-            }
-            Ok(loss.total * (share * factor))
-        })?;
-        for (name, value) in values {
-            match name {
-                "" => gathered.loss += value * share,
-                name => *gathered.terms.entry(name.to_owned()).or_default() += value * share,
+        let mut left = self.settings.accumulate;
+        while left > 0 {
+            let count = left.min(self.hands.at_a_time.max(1));
+            left -= count;
+            let asked_s = self.elapsed_s();
+            let batches = (0..count).map(|_| self.hands.source.next_batch());
+            let batches = batches.collect::<Result<Vec<HostBatch>, Error>>()?;
+            gathered.wait_s += self.elapsed_s() - asked_s;
+            self.state.batches += count as u64;
+            let job = Job {
+                network: &*self.hands.network,
+                teacher: self.hands.teacher,
+                settings: self.settings,
+                folder: &self.folder,
+                step: self.state.step + 1,
+                share: 1.0 / self.settings.accumulate as f64,
+                factor: self.state.loss_scale.map_or(1.0, |scale| scale.factor()),
+            };
+            for (learnt, batch) in job.run_all(&batches).into_iter().zip(batches) {
+                gathered.add(learnt?, job.share, batch);
             }
         }
-        add(&mut gathered.gradients, gradients);
-        gathered.last = batch;
         Ok(())
     }
 
@@ -119,19 +110,85 @@ impl Trainer<'_> {
     }
 }
 
-fn length(gradients: &Gradients) -> f64 {
-    norm(gradients).map_or(0.0, |length| f64::from(length.into_scalar::<f32>()))
-}
-
-fn add(sum: &mut Gradients, gradients: Gradients) {
-    for (name, gradient) in gradients {
-        match sum.get_mut(&name) {
-            Some(sum) => sum.inplace(|sum| sum + gradient),
-            None => {
-                sum.insert(name, gradient);
+impl Gathered {
+    fn add(&mut self, learnt: Learnt, share: f64, batch: HostBatch) {
+        for (name, value) in learnt.values {
+            match name {
+                "" => self.loss += value * share,
+                name => *self.terms.entry(name.to_owned()).or_default() += value * share,
             }
         }
+        for (name, gradient) in learnt.gradients {
+            match self.gradients.get_mut(&name) {
+                Some(sum) => sum.inplace(|sum| sum + gradient),
+                None => {
+                    self.gradients.insert(name, gradient);
+                }
+            }
+        }
+        self.pairs += batch.num_pairs;
+        self.last = batch;
     }
+}
+
+/// What every batch of a step needs.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    network: &'a dyn PairNetwork,
+    teacher: Option<&'a dyn PairNetwork>,
+    settings: &'a TrainSettings,
+    folder: &'a Path,
+    step: u64,
+    /// Weight of a batch in the step's loss.
+    share: f64,
+    /// Factor of the loss, against underflow.
+    factor: f64,
+}
+
+/// Loss, terms and gradients of a batch.
+struct Learnt {
+    values: Vec<(&'static str, f64)>,
+    gradients: Gradients,
+}
+
+impl Job<'_> {
+    /// All batches at once, a thread each.
+    fn run_all(self, batches: &[HostBatch]) -> Vec<Result<Learnt, Error>> {
+        if let [batch] = batches {
+            return vec![self.run(batch)];
+        }
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = batches.iter().map(|batch| scope.spawn(move || self.run(batch))).collect();
+            let joined = threads.into_iter().map(|thread| match thread.join() {
+                Ok(learnt) => learnt,
+                Err(panic) => std::panic::resume_unwind(panic),
+            });
+            joined.collect()
+        })
+    }
+
+    fn run(self, batch: &HostBatch) -> Result<Learnt, Error> {
+        let mut targets = batch.targets(&self.network.device());
+        if let Some(teacher) = self.teacher {
+            targets =
+                targets.taught_by(&teacher.forward(&batch.images)?, self.settings.teacher_min_confidence);
+        }
+        let mut values = Vec::new();
+        let gradients = self.network.learn(&batch.images, &mut |output| {
+            let loss = training_loss(output, &targets, &self.settings.loss);
+            values = read(&loss);
+            let total = values[0].1;
+            if !total.is_finite() {
+                return Err(diverged(self.folder, self.step, total, batch));
+            }
+            Ok(loss.total * (self.share * self.factor))
+        })?;
+        Ok(Learnt { values, gradients })
+    }
+}
+
+fn length(gradients: &Gradients) -> f64 {
+    norm(gradients).map_or(0.0, |length| f64::from(length.into_scalar::<f32>()))
 }
 
 /// The loss, under no name, and its terms, in one transfer.

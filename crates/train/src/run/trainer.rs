@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Share of a budget after which the rest of it is sized.
-const SIZED_AFTER: f64 = 0.05;
+/// Shares of a budget after which the rest of it is sized: with enough timed steps, and at the latest.
+const SIZED_AFTER: [f64; 2] = [0.02, 0.05];
 /// Steps that are timed before a budget is sized.
 const TIMED_STEPS: u64 = 3;
 /// The weights of the best validation, among the checkpoints.
@@ -43,6 +43,8 @@ pub struct Hands<'a> {
     pub source: &'a mut dyn BatchSource,
     /// Whose predictions stand in for the truth.
     pub teacher: Option<&'a dyn PairNetwork>,
+    /// Batches of a step that are computed at the same time; the result does not depend on it.
+    pub at_a_time: usize,
     /// Held-out pairs.
     pub validate: Option<Box<Validate<'a>>>,
     /// Time since 1970, never going back.
@@ -214,8 +216,8 @@ impl<'a> Trainer<'a> {
     /// Fractional epoch of the schedule after `step` steps.
     pub(super) fn epoch_at(&self, step: u64) -> f64 {
         match (self.hands.budget_s, self.state.total_steps) {
-            // Until a budget is sized the schedule stands at its beginning.
-            (Some(_), None) => self.settings.warmup_epochs,
+            // Until a budget is sized the schedule follows the clock.
+            (Some(budget_s), None) => self.settings.epochs * self.state.elapsed_s / budget_s,
             (Some(_), Some(total)) => self.settings.epochs * step as f64 / total as f64,
             (None, _) => {
                 step as f64 * self.settings.accumulate as f64 / self.hands.source.batches_per_epoch() as f64
@@ -232,7 +234,8 @@ impl<'a> Trainer<'a> {
             return Err(Error::BudgetTooShort { budget_s, needed_s: elapsed_s + self.save_s });
         }
         let num_timed = self.timed_from.map_or(0, |(_, from)| self.state.step - from);
-        let is_timed = num_timed >= TIMED_STEPS || elapsed_s > SIZED_AFTER * budget_s;
+        let [early, late] = SIZED_AFTER.map(|share| elapsed_s > share * budget_s);
+        let is_timed = num_timed >= TIMED_STEPS && early || late;
         if let Some(step_s) = self.step_s().filter(|_| is_timed) {
             let left = ((budget_s - elapsed_s - self.save_s - self.validation_s) / step_s).max(0.0) as u64;
             self.state.total_steps = Some(self.state.step + left);

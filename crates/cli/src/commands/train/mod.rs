@@ -109,6 +109,7 @@ fn carry_out(
         network: &mut network,
         source: &mut feed,
         teacher: teacher.as_ref().map(|teacher| teacher as &dyn PairNetwork),
+        at_a_time: at_a_time(request),
         validate,
         clock: &|| began + since.elapsed(),
         budget_s: request.budget_s,
@@ -141,6 +142,12 @@ fn carry_out(
         path.display()
     ));
     Ok(Outcome::Done)
+}
+
+/// Batches of a step at the same time: a graphics card fills itself, cores are filled by more batches.
+fn at_a_time(request: &Request) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    if request.device == "cpu" { cores } else { 1 }
 }
 
 /// Refuses, before time is spent, what would not fit into this machine's memory.
