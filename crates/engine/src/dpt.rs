@@ -4,23 +4,18 @@ use rayon::prelude::*;
 use selenograph_network::config::NetworkConfig;
 
 use crate::buffer::{Loan, SharedOut};
+use crate::conv::Residual;
 use crate::error::Result;
-use crate::gemm::{Conv3Input, Finish, Input, gemm};
+use crate::gemm::Finish;
 use crate::packed::Packed;
 use crate::probe::Watch;
 use crate::transformer::Context;
-use crate::upsample::{Pixels, place};
+use crate::upsample::{Join, Pixels, place};
 use crate::vector::{Activation, dot};
 use crate::weights::Reader;
 
 /// Channels of the map: three coordinates and a confidence.
 pub(crate) const MAP_CHANNELS: usize = 4;
-
-/// `x + conv2(relu(conv1(relu(x))))`.
-struct Residual {
-    conv1: Packed,
-    conv2: Packed,
-}
 
 struct Fusion {
     /// Of the finer level; the coarsest has none.
@@ -39,6 +34,8 @@ pub(crate) struct DptHead {
     shrink: Packed,
     to_fusion: [Packed; 4],
     fusions: [Fusion; 4],
+    /// Of the stem's maps: into what is enlarged last, and into level 0.
+    joins: Option<[Packed; 2]>,
     last1: Packed,
     last2: Packed,
     weights3: Vec<f32>,
@@ -46,9 +43,10 @@ pub(crate) struct DptHead {
     zeros: Vec<f32>,
 }
 
-/// One view's tokens at the four hooks, their grid, and what its head is called.
+/// One view's tokens at the four hooks, the stem's maps if there is one, their grid, and what its head is called.
 pub(crate) struct Hooks<'a> {
     pub tokens: [&'a [f32]; 4],
+    pub maps: Option<[&'a [f32]; 2]>,
     pub height: usize,
     pub width: usize,
     pub name: &'static str,
@@ -61,12 +59,10 @@ struct Level<'a> {
     height: usize,
 }
 
-impl Residual {
-    fn read(reader: &mut Reader<'_>, prefix: &str, dim: usize) -> Result<Self> {
-        Ok(Self {
-            conv1: reader.conv3(&format!("{prefix}.conv1"), dim, dim, true)?,
-            conv2: reader.conv3(&format!("{prefix}.conv2"), dim, dim, true)?,
-        })
+impl Level<'_> {
+    fn pixels(&self) -> Pixels<'_> {
+        let channels = self.data.len() / (self.width * self.height);
+        Pixels { data: &self.data, width: self.width, height: self.height, channels }
     }
 }
 
@@ -111,6 +107,13 @@ impl DptHead {
             shrink: reader.conv3(&format!("{act}.3.1"), dims[3], dims[3], true)?,
             to_fusion: [level(reader, 0)?, level(reader, 1)?, level(reader, 2)?, level(reader, 3)?],
             fusions: [fuse(reader, 1)?, fuse(reader, 2)?, fuse(reader, 3)?, fuse(reader, 4)?],
+            joins: config
+                .stem_dims
+                .map(|[half, quarter, _]| {
+                    let half = reader.conv1(&format!("{scratch}.stem0_rn"), half, fusion)?;
+                    Ok([half, reader.conv1(&format!("{scratch}.stem1_rn"), quarter, fusion)?])
+                })
+                .transpose()?,
             last1: reader.conv3(&format!("{prefix}.head.0"), fusion, half, true)?,
             last2: reader.conv3(&format!("{prefix}.head.2"), half, last, true)?,
             weights3: reader.values(&format!("{prefix}.head.4.weight"), &[MAP_CHANNELS, last, 1, 1])?,
@@ -120,24 +123,26 @@ impl DptHead {
     }
 
     pub(crate) fn num_bytes(&self) -> usize {
-        let residual = |unit: &Residual| unit.conv1.num_bytes() + unit.conv2.num_bytes();
-        let fusions: usize = self
-            .fusions
-            .iter()
-            .map(|f| f.join.as_ref().map_or(0, residual) + residual(&f.smooth) + f.project.num_bytes())
-            .sum();
+        let fusion = |fusion: &Fusion| {
+            let join = fusion.join.as_ref().map_or(0, Residual::num_bytes);
+            join + fusion.smooth.num_bytes() + fusion.project.num_bytes()
+        };
+        let fusions: usize = self.fusions.iter().map(fusion).sum();
         let layers = self.reduce.iter().chain(&self.unfold).chain(&self.to_fusion);
+        let layers = layers.chain(self.joins.iter().flatten());
         let rest = [&self.shrink, &self.last1, &self.last2];
         fusions + layers.chain(rest).map(Packed::num_bytes).sum::<usize>()
     }
 
-    /// To `[16 height, 16 width, 4]`.
+    /// To `[16 height, 16 width, 4]`; `describe` receives the features that this is linear in: the first pixel's index, then
+    /// consecutive pixels.
     pub(crate) fn run(
         &self,
         context: &Context<'_>,
         hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
         out: &mut [f32],
+        describe: impl Fn(usize, &[f32]) + Sync,
     ) {
         let mut fused: Option<Level<'_>> = None;
         for idx in (0..4).rev() {
@@ -145,7 +150,7 @@ impl DptHead {
             fused = Some(self.fuse(context, idx, level, fused, hooks, watch));
         }
         if let Some(fused) = fused {
-            self.finish(context, &fused, hooks, watch, out);
+            self.finish(context, &fused, hooks, watch, out, describe);
         }
     }
 
@@ -157,18 +162,13 @@ impl DptHead {
         layer: &Packed,
         finish: &Finish<'_>,
     ) {
-        let out_width = from.width.div_ceil(stride);
-        let input = Input::Conv3(Conv3Input {
-            data: &from.data,
-            size: (from.width, from.height),
-            channels: from.data.len() / (from.width * from.height),
-            first_row: 0,
-            stride,
-            out_width,
-            out_first_row: 0,
-            zeros: &self.zeros,
-        });
-        gemm(context.level, &input, out_width * from.height.div_ceil(stride), layer, finish);
+        context.conv3(&from.pixels(), stride, layer, &self.zeros, finish);
+    }
+
+    /// What the stem's maps add.
+    fn joins<'a>(&'a self, hooks: &Hooks<'a>) -> Option<[Join<'a>; 2]> {
+        let ([fine, coarse], [half, quarter]) = (self.joins.as_ref()?, hooks.maps?);
+        Some([Join { map: half, layer: fine }, Join { map: quarter, layer: coarse }])
     }
 
     /// A hook's tokens at the level's own resolution.
@@ -228,7 +228,12 @@ impl DptHead {
         let len = level_width * level_height * dim;
         let take = || Level { data: context.pool.take(len), width: level_width, height: level_height };
         let (mut sum, mut positive, mut hidden) = (take(), take(), take());
-        let finish = Finish::store(&mut sum.data, dim).with_positive(&mut positive.data);
+        let joins = self.joins(hooks).filter(|_| idx == 0);
+        if let Some([_, Join { map, layer }]) = joins {
+            context.linear(map, layer, &Finish::store(&mut sum.data, dim));
+        }
+        let finish = Finish { onto: joins.is_some(), ..Finish::store(&mut sum.data, dim) };
+        let finish = finish.with_positive(&mut positive.data);
         self.conv(context, &level, 1, &self.to_fusion[idx], &finish);
         drop(level);
         watch.see(|| format!("{}.layer_rn{idx}", hooks.name), &[level_height, level_width, dim], &sum.data);
@@ -260,8 +265,8 @@ impl DptHead {
         hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
     ) -> Level<'p> {
-        let channels = self.fusions[idx].project.outputs;
-        let pixels = Pixels { data: &from.data, width: from.width, height: from.height, channels };
+        let pixels = from.pixels();
+        let channels = pixels.channels;
         let name = || format!("{}.refinenet{}", hooks.name, idx + 1);
         let (full_width, full_height) = (2 * from.width, 2 * from.height);
         if watch.wants_values() {
@@ -286,17 +291,17 @@ impl DptHead {
         hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
         out: &mut [f32],
+        describe: impl Fn(usize, &[f32]) + Sync,
     ) {
         let (width, height) = (2 * fused.width, 2 * fused.height);
-        let channels = self.fusions[0].project.outputs;
-        let pixels = Pixels { data: &fused.data, width: fused.width, height: fused.height, channels };
         let last = self.last1.outputs;
         let mut middle = context.pool.take(width * height * last);
         let to = SharedOut::new(&mut middle);
-        pixels.enlarge_into_conv(
+        fused.pixels().enlarge_into_conv(
             context.level,
             &self.last1,
             &self.zeros,
+            self.joins(hooks).map(|[half, _]| half),
             |finish| finish,
             |row, band| {
                 // SAFETY: each band has rows of its own; `middle` outlives the call.
@@ -309,8 +314,10 @@ impl DptHead {
             context.level,
             &self.last2,
             &self.zeros,
+            None,
             |finish| finish.with(Activation::Relu),
             |row, band| {
+                describe(row * 2 * width, band);
                 // SAFETY: each band has rows of its own; the caller holds `out`.
                 let out = unsafe {
                     to.row(row * 2 * width * MAP_CHANNELS, band.len() / self.last2.outputs * MAP_CHANNELS)

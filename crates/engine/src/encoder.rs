@@ -1,16 +1,15 @@
 //! The encoder's blocks.
 
-use rayon::prelude::*;
 use selenograph_network::config::{IMAGE_CHANNELS, NetworkConfig, Transformer};
 
 use crate::attention::Grid;
 use crate::buffer::{Loan, Pool};
+use crate::embed::Embedding;
 use crate::error::{Error, Result, SourceError};
-use crate::gemm::Finish;
 use crate::kernel::Simd;
-use crate::packed::Packed;
 use crate::probe::{Stage, Watch};
 use crate::rope::Rope;
+use crate::stem::StemMaps;
 use crate::transformer::{Context, EncoderBlock};
 use crate::weights::{NamedTensor, Reader};
 
@@ -28,11 +27,10 @@ pub struct Image<'a> {
 /// The encoder without its last normalisation: what stays the same while a network that is fine-tuned learns the rest.
 pub struct Encoder {
     shape: Transformer,
-    patch_px: usize,
     rope_base: f64,
     pub(crate) level: Simd,
     pub(crate) pool: Pool,
-    patch_embed: Packed,
+    embedding: Embedding,
     blocks: Vec<EncoderBlock>,
 }
 
@@ -47,20 +45,21 @@ impl Encoder {
         source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
     ) -> Result<Self> {
         crate::engine::check(config)?;
+        if let Some(dims) = config.stem_dims {
+            let (what, expected) = ("stem_dims", "none: the heads read a stem's maps too".to_owned());
+            return Err(Error::Config { what, expected, found: format!("{dims:?}") });
+        }
         Self::read(config, Simd::detect(), &mut Reader::new(source))
     }
 
     pub(crate) fn read(config: &NetworkConfig, level: Simd, reader: &mut Reader<'_>) -> Result<Self> {
-        let (shape, patch) = (config.encoder, config.patch_px);
-        let weights = reader.values("patch_embed.proj.weight", &[shape.dim, IMAGE_CHANNELS, patch, patch])?;
-        let bias = reader.values("patch_embed.proj.bias", &[shape.dim])?;
+        let shape = config.encoder;
         Ok(Self {
             shape,
-            patch_px: patch,
             rope_base: config.rope_base,
             level,
             pool: Pool::default(),
-            patch_embed: Packed::linear(&weights, IMAGE_CHANNELS * patch * patch, shape.dim, Some(&bias)),
+            embedding: Embedding::read(reader, config)?,
             blocks: (0..shape.num_blocks)
                 .map(|idx| EncoderBlock::read(reader, &format!("enc_blocks.{idx}"), &shape))
                 .collect::<Result<_>>()?,
@@ -70,7 +69,7 @@ impl Encoder {
     /// Bytes of packed weights.
     #[must_use]
     pub fn num_weight_bytes(&self) -> usize {
-        self.patch_embed.num_bytes() + self.blocks.iter().map(EncoderBlock::num_bytes).sum::<usize>()
+        self.embedding.num_bytes() + self.blocks.iter().map(EncoderBlock::num_bytes).sum::<usize>()
     }
 
     /// The tokens of each image before the last normalisation, `[patches, channels]`, row by row of patches.
@@ -78,31 +77,28 @@ impl Encoder {
     /// # Errors
     /// An image that is empty, not a whole number of patches, or whose values do not fill it.
     pub fn encode(&self, images: &[Image<'_>]) -> Result<Vec<Vec<f32>>> {
-        let (tokens, grids) = self.run(images, &mut Watch(None))?;
+        let (tokens, grids, _) = self.run(images, &mut Watch(None))?;
         let of = |grid: &Grid| {
             tokens[grid.first * self.shape.dim..][..grid.num_tokens() * self.shape.dim].to_vec()
         };
         Ok(grids.iter().map(of).collect())
     }
 
-    /// The tokens of all images, one after the other, and where they lie.
-    pub(crate) fn run(&self, images: &[Image<'_>], watch: &mut Watch<'_>) -> Result<(Loan<'_>, Vec<Grid>)> {
+    /// The tokens of all images, one after the other, where they lie, and each image's maps of the stem.
+    pub(crate) fn run(
+        &self,
+        images: &[Image<'_>],
+        watch: &mut Watch<'_>,
+    ) -> Result<(Loan<'_>, Vec<Grid>, Vec<Option<StemMaps>>)> {
         for image in images {
             self.check_image(image)?;
         }
         let context = Context { level: self.level, pool: &self.pool };
-        let (dim, patch) = (self.shape.dim, self.patch_px);
+        let (dim, patch) = (self.shape.dim, self.embedding.patch_px);
         let grids = grids_of(images.iter().map(|image| (image.height_px / patch, image.width_px / patch)));
         let num_tokens: usize = grids.iter().map(Grid::num_tokens).sum();
         let mut tokens = self.pool.take(num_tokens * dim);
-        {
-            let len = self.patch_embed.inputs;
-            let mut patches = self.pool.take(num_tokens * len);
-            for (image, grid) in images.iter().zip(&grids) {
-                cut(image, patch, *grid, &mut patches[grid.first * len..][..grid.num_tokens() * len]);
-            }
-            context.linear(&patches, &self.patch_embed, &Finish::store(&mut tokens, dim));
-        }
+        let maps = self.embedding.run(&context, images, &grids, &mut tokens);
         watch.see(|| "patch_embed".to_owned(), &[num_tokens, dim], &tokens);
         let rope = rope(&self.shape, self.rope_base, &grids);
         for (idx, block) in self.blocks.iter().enumerate() {
@@ -110,11 +106,11 @@ impl Encoder {
             watch.see(|| format!("enc_block{idx}"), &[num_tokens, dim], &tokens);
             watch.finished(Stage::EncoderBlock { idx });
         }
-        Ok((tokens, grids))
+        Ok((tokens, grids, maps))
     }
 
     fn check_image(&self, image: &Image<'_>) -> Result<()> {
-        let patch = self.patch_px;
+        let patch = self.embedding.patch_px;
         for (what, side) in [("height", image.height_px), ("width", image.width_px)] {
             if side == 0 || side % patch != 0 {
                 let expected = format!("a multiple of {patch} pixels");
@@ -146,16 +142,4 @@ pub(crate) fn grids_of(sizes: impl Iterator<Item = (usize, usize)>) -> Vec<Grid>
             grid
         })
         .collect()
-}
-
-/// An image's patches, one row each: channel, row, column.
-fn cut(image: &Image<'_>, patch: usize, grid: Grid, out: &mut [f32]) {
-    let plane = image.height_px * image.width_px;
-    out.par_chunks_mut(IMAGE_CHANNELS * patch * patch).enumerate().for_each(|(token, row)| {
-        let (y, x) = (token / grid.width * patch, token % grid.width * patch);
-        for (line, to) in row.chunks_exact_mut(patch).enumerate() {
-            let from = line / patch * plane + (y + line % patch) * image.width_px + x;
-            to.copy_from_slice(&image.values[from..from + patch]);
-        }
-    });
 }

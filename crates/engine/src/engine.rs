@@ -13,6 +13,7 @@ use crate::kernel::Simd;
 use crate::output::HeadOutput;
 use crate::packed::Packed;
 use crate::probe::{Probe, Stage, Watch};
+use crate::stem::StemMaps;
 use crate::transformer::{Context, DecoderBlock};
 use crate::weights::{NamedTensor, Norm, Reader};
 
@@ -25,6 +26,9 @@ pub struct Encoding {
     pub width: usize,
     /// Tokens `[height · width, encoder channels]`, after the last normalisation.
     pub tokens: Vec<f32>,
+    /// Maps of the stem at a half and a quarter of the image's size, `[rows, columns, channels]` each; `None` for networks
+    /// without a stem.
+    pub maps: Option<[Vec<f32>; 2]>,
 }
 
 /// The network with its weights packed for this processor.
@@ -171,20 +175,35 @@ impl Engine {
     }
 
     fn encode_watched(&self, images: &[Image<'_>], watch: &mut Watch<'_>) -> Result<Vec<Encoding>> {
-        let (tokens, grids) = self.encoder.run(images, watch)?;
+        let (tokens, grids, maps) = self.encoder.run(images, watch)?;
         let (context, dim) = (self.context(), self.config.encoder.dim);
         let num_tokens = tokens.len() / dim;
         let mut normed = context.pool.take(tokens.len());
         context.normalize(&tokens, &self.encoder_norm, &mut normed);
         watch.see(|| "enc_norm".to_owned(), &[num_tokens, dim], &normed);
-        Ok(grids
-            .iter()
-            .map(|grid| Encoding {
-                height: grid.height,
-                width: grid.width,
-                tokens: normed[grid.first * dim..][..grid.num_tokens() * dim].to_vec(),
-            })
-            .collect())
+        let encoding = |(grid, maps): (&Grid, Option<StemMaps>)| Encoding {
+            height: grid.height,
+            width: grid.width,
+            tokens: normed[grid.first * dim..][..grid.num_tokens() * dim].to_vec(),
+            maps,
+        };
+        Ok(grids.iter().zip(maps).map(encoding).collect())
+    }
+
+    fn check_encoding(&self, encoding: &Encoding) -> Result<()> {
+        let num_tokens = encoding.height * encoding.width;
+        let area = num_tokens * self.config.patch_area();
+        let expected = self.config.stem_dims.map(|[half, quarter, _]| [area / 4 * half, area / 16 * quarter]);
+        let expected = (num_tokens * self.config.encoder.dim, expected);
+        let found = (encoding.tokens.len(), encoding.maps.as_ref().map(|maps| maps.each_ref().map(Vec::len)));
+        if found == expected && num_tokens > 0 {
+            return Ok(());
+        }
+        let told = |(tokens, maps): (usize, Option<[usize; 2]>)| match maps {
+            Some([half, quarter]) => format!("{tokens}, and {half} and {quarter} of the stem's maps"),
+            None => tokens.to_string(),
+        };
+        Err(Error::Image { what: "values of an encoding", expected: told(expected), found: told(found) })
     }
 
     fn decode_watched(
@@ -194,12 +213,7 @@ impl Engine {
     ) -> Result<Vec<[HeadOutput; 2]>> {
         let sides = [pairs.iter().map(|p| p.0).collect(), pairs.iter().map(|p| p.1).collect::<Vec<_>>()];
         for encoding in sides.iter().flatten() {
-            let expected = encoding.height * encoding.width * self.config.encoder.dim;
-            if encoding.tokens.len() != expected || expected == 0 {
-                let found = encoding.tokens.len().to_string();
-                let expected = expected.to_string();
-                return Err(Error::Image { what: "values of an encoding", expected, found });
-            }
+            self.check_encoding(encoding)?;
         }
         let grids = [0, 1].map(|side| grids_of(sides[side].iter().map(|e| (e.height, e.width))));
         let hooks = self.decoded(&sides, &grids, watch);
@@ -212,7 +226,8 @@ impl Engine {
                 let level = |hook: usize| &hooks[side][hook][grid.first * dim..][..grid.num_tokens() * dim];
                 let tokens = [sides[side][idx].tokens.as_slice(), level(0), level(1), level(2)];
                 let name = ["head1", "head2"][side];
-                let hooks = Hooks { tokens, height: grid.height, width: grid.width, name };
+                let maps = sides[side][idx].maps.as_ref().map(|maps| maps.each_ref().map(Vec::as_slice));
+                let hooks = Hooks { tokens, maps, height: grid.height, width: grid.width, name };
                 let output = self.heads[side].run(&context, &hooks, watch);
                 watch.finished(Stage::Head { pair: idx, view: side });
                 output
@@ -283,13 +298,6 @@ pub(crate) fn check(config: &NetworkConfig) -> Result<()> {
         // The dense heads enlarge sixteen times.
         return wrong("patch_px", "16", config.patch_px.to_string());
     }
-    if let Some(dims) = config.stem_dims {
-        return wrong(
-            "stem_dims",
-            "none: `--device burn-cpu` computes networks with a stem",
-            format!("{dims:?}"),
-        );
-    }
     for shape in [&config.encoder, &config.decoder] {
         let heads = shape.num_heads;
         if heads == 0 || shape.dim % heads != 0 || (shape.dim / heads) % 4 != 0 || shape.dim == 0 {
@@ -307,6 +315,9 @@ pub(crate) fn check(config: &NetworkConfig) -> Result<()> {
     let widths = [config.dpt_fusion_dim, config.dpt_last_dim, config.descriptor_dim.unwrap_or(1)];
     if config.dpt_dims.iter().chain(&widths).any(|width| *width == 0) {
         return wrong("heads", "positive widths", format!("{:?} {widths:?}", config.dpt_dims));
+    }
+    if let Some(dims) = config.stem_dims.filter(|dims| dims.contains(&0)) {
+        return wrong("stem_dims", "positive widths", format!("{dims:?}"));
     }
     if !(config.rope_base > 1.0 && config.rope_base.is_finite()) {
         return wrong("rope_base", "a number above 1", config.rope_base.to_string());

@@ -11,6 +11,7 @@ use crate::buffer::{choose, padded};
 use crate::dpt::MAP_CHANNELS;
 use crate::error::{Error, Result};
 use crate::gemm;
+use crate::head;
 use crate::packed::Packed;
 use crate::upsample;
 
@@ -150,7 +151,12 @@ impl Pass<'_> {
         let sizes = self.grids.map(area);
         let num_tokens: usize = sizes.iter().sum();
         let tokens = ledger.take(num_tokens * shape.dim);
-        ledger.pass_by(num_tokens * IMAGE_CHANNELS * self.config.patch_area());
+        let [channels, side] = self.config.token_input();
+        let patches = ledger.take(num_tokens * channels * side * side);
+        for size in sizes {
+            self.stem(ledger, size * self.config.patch_area());
+        }
+        ledger.give([patches]);
         for _ in 0..BLOCKS_UNTIL_STEADY {
             self_attention(ledger, shape, &sizes);
             mlp(ledger, shape, num_tokens);
@@ -158,6 +164,26 @@ impl Pass<'_> {
         let normed = ledger.take(num_tokens * shape.dim);
         ledger.keep(num_tokens * shape.dim);
         ledger.give([normed, tokens]);
+    }
+
+    /// Of an image of so many pixels; the finer maps stay with the encoding.
+    fn stem(&self, ledger: &mut Ledger, num_pixels: usize) {
+        let mut from = None;
+        for (level, dim) in self.config.stem_dims.iter().flatten().enumerate() {
+            let len = num_pixels / [4, 16, 64][level] * dim;
+            let last = (level == 2).then(|| ledger.take(len));
+            if last.is_none() {
+                ledger.keep(len);
+            }
+            if level == 0 {
+                from = Some(ledger.take(num_pixels * IMAGE_CHANNELS));
+            }
+            let loans = [len; 2].map(|len| ledger.take(len));
+            // The second is lent last, and given back first.
+            ledger.give(loans.into_iter().rev());
+            ledger.give(from.take());
+            ledger.give(last);
+        }
     }
 
     fn decode(&self, ledger: &mut Ledger) {
@@ -213,7 +239,8 @@ impl Pass<'_> {
         ledger.give([middle]);
         ledger.give(fused);
         ledger.give([map]);
-        if let Some(channels) = config.descriptor_channels() {
+        let by_tokens = config.descriptor_channels().filter(|_| config.stem_dims.is_none());
+        if let Some(channels) = by_tokens {
             let hidden = ledger.take(area(grid) * config.descriptor_hidden_dim());
             let raw = ledger.take(area(grid) * channels * config.patch_area());
             ledger.give([raw, hidden]);
@@ -265,7 +292,9 @@ impl Pass<'_> {
                 layers.map(|(width, inputs, outputs)| upsample::scratch_lens(width, inputs, outputs)[part]);
             lens.into_iter().max().unwrap_or(0)
         });
-        rows.max(scores.unwrap_or(0)) + out + gemm::SCRATCH_LEN
+        let by_features = self.config.descriptor_channels().filter(|_| self.config.stem_dims.is_some());
+        let described = by_features.map_or(0, head::scratch_len);
+        rows.max(scores.unwrap_or(0)) + out + described + gemm::SCRATCH_LEN
     }
 }
 

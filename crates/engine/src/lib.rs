@@ -6,7 +6,9 @@
 
 mod attention;
 mod buffer;
+mod conv;
 mod dpt;
+mod embed;
 mod encoder;
 mod engine;
 mod error;
@@ -20,6 +22,7 @@ mod output;
 mod packed;
 mod probe;
 mod rope;
+mod stem;
 mod transformer;
 mod upsample;
 mod vector;

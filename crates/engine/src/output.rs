@@ -73,6 +73,22 @@ pub(crate) fn unpack_map(
     });
 }
 
+/// A unit descriptor and, where `mode` is given, its confidence, from a pixel's raw channels.
+pub(crate) fn describe(
+    level: Simd,
+    raw: &[f32],
+    mode: Option<ConfidenceMode>,
+    to: &mut [f32],
+    conf: &mut f32,
+) {
+    let vector = &raw[..to.len()];
+    let length = dot(level, vector, vector).sqrt();
+    scale(level, vector, 1.0 / length, to);
+    if let Some(mode) = mode {
+        *conf = confidence(mode, raw[to.len()]);
+    }
+}
+
 /// Descriptors and their confidence from the rows of the descriptor head: for each patch its pixels in
 /// order, for each pixel `dim` numbers and, where `mode` is given, a raw confidence.
 pub(crate) fn unpack_descriptors(
@@ -93,11 +109,7 @@ pub(crate) fn unpack_descriptors(
             let token = y / patch * per_row + x / patch;
             let pixel = y % patch * patch + x % patch;
             let from = &raw[token * token_len + pixel * channels..][..channels];
-            let length = dot(level, &from[..dim], &from[..dim]).sqrt();
-            scale(level, &from[..dim], 1.0 / length, to);
-            if let Some(mode) = mode {
-                *conf = confidence(mode, from[dim]);
-            }
+            describe(level, from, mode, to, conf);
         }
     });
 }

@@ -26,6 +26,13 @@ pub(crate) struct Pixels<'a> {
     pub channels: usize,
 }
 
+/// What a linear layer makes of another image's pixels.
+#[derive(Clone, Copy)]
+pub(crate) struct Join<'a> {
+    pub map: &'a [f32],
+    pub layer: &'a Packed,
+}
+
 /// Index and weight of the two source pixels: `dst (in − 1) / (out − 1)` with `out = 2 in`.
 fn sources(dst: usize, len: usize) -> ([usize; 2], f32) {
     let ratio = (len - 1) as f32 / (2 * len - 1) as f32;
@@ -63,7 +70,7 @@ impl<'a> Pixels<'a> {
         });
     }
 
-    /// A 3×3 convolution of the enlarged image, which exists only a few rows at a time.
+    /// A 3×3 convolution of the enlarged image, which exists only a few rows at a time; `join` is added to it before.
     ///
     /// `last` receives the output row where a band begins and the band's pixels, `outputs` channels each.
     pub(crate) fn enlarge_into_conv(
@@ -71,6 +78,7 @@ impl<'a> Pixels<'a> {
         level: Simd,
         weights: &Packed,
         zeros: &[f32],
+        join: Option<Join<'_>>,
         prepare: impl Fn(Finish<'_>) -> Finish<'_> + Sync,
         last: impl Fn(usize, &[f32]) + Sync,
     ) {
@@ -83,6 +91,13 @@ impl<'a> Pixels<'a> {
             with_scratch((end - first) * row_len, |rows| {
                 for (y, row) in (first..end).zip(rows.chunks_exact_mut(row_len)) {
                     self.enlarged_row(level, y, row);
+                }
+                if let Some(Join { map, layer }) = join {
+                    let data = &map[first * width * layer.inputs..end * width * layer.inputs];
+                    let input = Input::Rows { data, stride: layer.inputs };
+                    let finish = Finish::store(rows, self.channels).onto();
+                    let num_pixels = (end - first) * width;
+                    gemm_part(level, &input, (0, num_pixels), (0, layer.num_panels()), layer, &finish);
                 }
                 let input = Input::Conv3(Conv3Input {
                     data: rows,
