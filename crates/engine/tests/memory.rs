@@ -83,6 +83,7 @@ fn the_footprint_is_what_the_engine_allocates() {
     for (preset, inputs) in [
         (Preset::Tiny, [[square, square], [wide, tall]]),
         (Preset::Small, [[[256, 192], [256, 192]], [wide, tall]]),
+        (Preset::Hybrid, [[[256, 192], [256, 192]], [wide, tall]]),
     ] {
         let config = preset.config();
         let (engine, held, peak) = on_two_threads(|| measured(|| zeros(&config)));

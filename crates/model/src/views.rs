@@ -10,6 +10,9 @@ use selenograph_network::config::IMAGE_CHANNELS;
 
 use crate::error::{Error, Result};
 
+/// Pixels along a token's side in the stem's maps: networks with a stem have patches of 16 pixels.
+const STEM_PIXELS_PER_TOKEN: [usize; 2] = [8, 4];
+
 /// Images of one stored size, values from −1 to 1, channels first.
 #[derive(Debug, Clone)]
 pub struct Images {
@@ -168,6 +171,36 @@ impl<Stage> Tokens<Stage> {
         }
         let device = device.clone().without_autodiff();
         Ok(Self::new(Tensor::from_data(TensorData::new(values, shape), &device), grid))
+    }
+
+    /// With the maps of a stem from numbers in memory, as [`Tokens::maps`] has them; each with so many channels.
+    ///
+    /// # Errors
+    /// [`Error::Views`] if they do not fill the images.
+    pub fn with_map_values(self, values: [Vec<f32>; 2], channels: [usize; 2]) -> Result<Self> {
+        let device = self.values.device().without_autodiff();
+        let map = |values: Vec<f32>, per_token: usize, channels: usize| {
+            let (rows, columns) = (per_token * self.grid.rows, per_token * self.grid.columns);
+            let shape = [self.grid.count(), rows, columns, channels];
+            let expected: usize = shape.iter().product();
+            if values.len() != expected {
+                return Err(Error::views("number of values of a stem's map", expected, values.len()));
+            }
+            let map = Tensor::<4>::from_data(TensorData::new(values, shape), &device);
+            Ok(map.permute([0, 3, 1, 2]))
+        };
+        let [half, quarter] = values;
+        let maps = [
+            map(half, STEM_PIXELS_PER_TOKEN[0], channels[0])?,
+            map(quarter, STEM_PIXELS_PER_TOKEN[1], channels[1])?,
+        ];
+        Ok(self.with_maps(Some(maps)))
+    }
+
+    /// The stem's maps at a half and a quarter of the stored images' size, `[images, height, width, channels]`.
+    pub fn maps(&self) -> Option<[Tensor<4>; 2]> {
+        let maps = self.maps.as_ref()?;
+        Some(maps.each_ref().map(|map| map.clone().permute([0, 2, 3, 1])))
     }
 
     /// Those of the images at these places, in this order; a place may come more than once.

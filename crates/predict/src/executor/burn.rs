@@ -17,7 +17,11 @@ pub(super) fn encode(
         let tokens = model.encode(&Images::upright(image.values.to_vec(), sizes, &device)?)?;
         let (height, width) = (tokens.grid.rows, tokens.grid.columns);
         watch.finished(Stage::EncoderBlock { idx: num_blocks.saturating_sub(1) });
-        Ok(Encoding { height, width, tokens: values(tokens.values)? })
+        let maps = match tokens.maps() {
+            Some([half, quarter]) => Some([values(half)?, values(quarter)?]),
+            None => None,
+        };
+        Ok(Encoding { height, width, tokens: values(tokens.values)?, maps })
     };
     images.iter().map(one).collect()
 }
@@ -29,9 +33,16 @@ pub(super) fn decode(
     watch: &mut dyn Probe,
 ) -> Result<Vec<[HeadOutput; 2]>, Error> {
     let device = model.device();
-    let tokens = |encoding: &Encoding| {
+    let tokens = |encoding: &Encoding| -> Result<selenograph_model::Encoding, Error> {
         let grid = Grid { rows: encoding.height, columns: encoding.width, transposed: vec![false] };
-        Tokens::from_values(encoding.tokens.clone(), grid, model.config().encoder.dim, &device)
+        let dim = model.config().encoder.dim;
+        let tokens = Tokens::from_values(encoding.tokens.clone(), grid, dim, &device)?;
+        match (&encoding.maps, model.config().stem_dims) {
+            (Some(maps), Some([half, quarter, _])) => {
+                Ok(tokens.with_map_values(maps.clone(), [half, quarter])?)
+            }
+            _ => Ok(tokens),
+        }
     };
     let one = |(pair, (a, b)): (usize, &(&Encoding, &Encoding))| {
         let [first, second] = model.decode(&tokens(a)?, &tokens(b)?)?;
@@ -82,10 +93,15 @@ mod tests {
 
     #[test]
     fn burn_says_what_the_engine_says() {
+        for preset in [Preset::Tiny, Preset::Hybrid] {
+            check(&preset.config());
+        }
+    }
+
+    fn check(config: &NetworkConfig) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("w.safetensors");
-        let config: NetworkConfig = Preset::Tiny.config();
-        selenograph_network::random::write(&config, 3, &path, &mut |_| {}).unwrap();
+        selenograph_network::random::write(config, 3, &path, &mut |_| {}).unwrap();
         let checkpoint = Checkpoint::open(&path).unwrap();
         // Portrait and landscape.
         let values: Vec<f32> = (0..3 * 48 * 32).map(|k| ((k * 7919) % 255) as f32 / 127.5 - 1.0).collect();
@@ -94,6 +110,7 @@ mod tests {
         let [ours, theirs] = ["cpu", "burn-cpu"].map(|name| {
             let loaded = Loaded::new(&checkpoint, &Executor::named(name).unwrap(), &mut |_| {}).unwrap();
             let encodings = loaded.encode(&images, &mut |_| {}).unwrap();
+            assert!(encodings.iter().all(|each| each.maps.is_some() == config.stem_dims.is_some()));
             let pairs = [(&encodings[0], &encodings[1]), (&encodings[1], &encodings[0])];
             loaded.decode(&pairs, &mut |_| {}).unwrap()
         });
