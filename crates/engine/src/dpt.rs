@@ -53,14 +53,14 @@ pub(crate) struct Hooks<'a> {
 }
 
 /// A map on its way through the head.
-struct Level<'a> {
+pub(crate) struct Level<'a> {
     data: Loan<'a>,
     width: usize,
     height: usize,
 }
 
 impl Level<'_> {
-    fn pixels(&self) -> Pixels<'_> {
+    pub(crate) fn pixels(&self) -> Pixels<'_> {
         let channels = self.data.len() / (self.width * self.height);
         Pixels { data: &self.data, width: self.width, height: self.height, channels }
     }
@@ -122,6 +122,12 @@ impl DptHead {
         })
     }
 
+    /// The map's channels as a layer on the features, and `(weights, bias)` of more channels after them.
+    pub(crate) fn last_layer(&self, (weights, bias): (&[f32], &[f32])) -> Packed {
+        let (weights, bias) = ([&self.weights3, weights].concat(), [&self.bias3, bias].concat());
+        Packed::linear(&weights, self.last2.outputs, bias.len(), Some(&bias))
+    }
+
     pub(crate) fn num_bytes(&self) -> usize {
         let fusion = |fusion: &Fusion| {
             let join = fusion.join.as_ref().map_or(0, Residual::num_bytes);
@@ -134,24 +140,44 @@ impl DptHead {
         fusions + layers.chain(rest).map(Packed::num_bytes).sum::<usize>()
     }
 
-    /// To `[16 height, 16 width, 4]`; `describe` receives the features that this is linear in: the first pixel's index, then
-    /// consecutive pixels.
+    /// To `[16 height, 16 width, 4]`: networks without a stem.
     pub(crate) fn run(
         &self,
         context: &Context<'_>,
         hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
         out: &mut [f32],
-        describe: impl Fn(usize, &[f32]) + Sync,
     ) {
-        let mut fused: Option<Level<'_>> = None;
-        for idx in (0..4).rev() {
+        let fused = self.fused(context, hooks, watch);
+        self.finish(context, &fused, hooks, watch, out);
+    }
+
+    /// What the view's map and descriptors are linear in, `[8 height, 8 width, last width]`: networks with a stem.
+    pub(crate) fn features<'p>(
+        &self,
+        context: &Context<'p>,
+        hooks: &Hooks<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Level<'p> {
+        let fused = self.fused(context, hooks, watch);
+        let middle = self.middle(context, &fused, hooks);
+        drop(fused);
+        let dim = self.last2.outputs;
+        let mut data = context.pool.take(middle.width * middle.height * dim);
+        let finish = Finish::store(&mut data, dim).with(Activation::Relu);
+        self.conv(context, &middle, 1, &self.last2, &finish);
+        Level { data, ..middle }
+    }
+
+    /// All levels, before their last enlargement.
+    fn fused<'p>(&self, context: &Context<'p>, hooks: &Hooks<'_>, watch: &mut Watch<'_>) -> Level<'p> {
+        let coarsest = self.prepare(context, 3, hooks, watch);
+        let mut fused = self.fuse(context, 3, coarsest, None, hooks, watch);
+        for idx in (0..3).rev() {
             let level = self.prepare(context, idx, hooks, watch);
-            fused = Some(self.fuse(context, idx, level, fused, hooks, watch));
+            fused = self.fuse(context, idx, level, Some(fused), hooks, watch);
         }
-        if let Some(fused) = fused {
-            self.finish(context, &fused, hooks, watch, out, describe);
-        }
+        fused
     }
 
     fn conv(
@@ -284,19 +310,12 @@ impl DptHead {
         Level { data, width, height }
     }
 
-    fn finish(
-        &self,
-        context: &Context<'_>,
-        fused: &Level<'_>,
-        hooks: &Hooks<'_>,
-        watch: &mut Watch<'_>,
-        out: &mut [f32],
-        describe: impl Fn(usize, &[f32]) + Sync,
-    ) {
+    /// The first of the last convolutions, of the enlarged levels.
+    fn middle<'p>(&self, context: &Context<'p>, fused: &Level<'_>, hooks: &Hooks<'_>) -> Level<'p> {
         let (width, height) = (2 * fused.width, 2 * fused.height);
         let last = self.last1.outputs;
-        let mut middle = context.pool.take(width * height * last);
-        let to = SharedOut::new(&mut middle);
+        let mut data = context.pool.take(width * height * last);
+        let to = SharedOut::new(&mut data);
         fused.pixels().enlarge_into_conv(
             context.level,
             &self.last1,
@@ -304,20 +323,31 @@ impl DptHead {
             self.joins(hooks).map(|[half, _]| half),
             |finish| finish,
             |row, band| {
-                // SAFETY: each band has rows of its own; `middle` outlives the call.
+                // SAFETY: each band has rows of its own; `data` outlives the call.
                 unsafe { place(to, row, width * last, band) };
             },
         );
-        let pixels = Pixels { data: &middle, width, height, channels: last };
+        Level { data, width, height }
+    }
+
+    fn finish(
+        &self,
+        context: &Context<'_>,
+        fused: &Level<'_>,
+        hooks: &Hooks<'_>,
+        watch: &mut Watch<'_>,
+        out: &mut [f32],
+    ) {
+        let middle = self.middle(context, fused, hooks);
+        let (width, height) = (middle.width, middle.height);
         let to = SharedOut::new(out);
-        pixels.enlarge_into_conv(
+        middle.pixels().enlarge_into_conv(
             context.level,
             &self.last2,
             &self.zeros,
             None,
             |finish| finish.with(Activation::Relu),
             |row, band| {
-                describe(row * 2 * width, band);
                 // SAFETY: each band has rows of its own; the caller holds `out`.
                 let out = unsafe {
                     to.row(row * 2 * width * MAP_CHANNELS, band.len() / self.last2.outputs * MAP_CHANNELS)

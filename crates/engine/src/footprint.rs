@@ -11,7 +11,6 @@ use crate::buffer::{choose, padded};
 use crate::dpt::MAP_CHANNELS;
 use crate::error::{Error, Result};
 use crate::gemm;
-use crate::head;
 use crate::packed::Packed;
 use crate::upsample;
 
@@ -230,21 +229,41 @@ impl Pass<'_> {
     fn head(&self, ledger: &mut Ledger, grid: [usize; 2]) {
         let config = self.config;
         ledger.keep(self.result(grid));
-        let map = ledger.take(MAP_CHANNELS * area(grid) * config.patch_area());
-        let mut fused = None;
-        for level in (0..4).rev() {
-            fused = Some(self.level(ledger, grid, level, fused));
+        if config.stem_dims.is_some() {
+            return self.features(ledger, grid);
         }
+        let map = ledger.take(MAP_CHANNELS * area(grid) * config.patch_area());
+        let fused = self.fused(ledger, grid);
         let middle = ledger.take(64 * area(grid) * config.dpt_half_dim());
         ledger.give([middle]);
         ledger.give(fused);
         ledger.give([map]);
-        let by_tokens = config.descriptor_channels().filter(|_| config.stem_dims.is_none());
-        if let Some(channels) = by_tokens {
+        if let Some(channels) = config.descriptor_channels() {
             let hidden = ledger.take(area(grid) * config.descriptor_hidden_dim());
             let raw = ledger.take(area(grid) * channels * config.patch_area());
             ledger.give([raw, hidden]);
         }
+    }
+
+    /// What a head does where there is a stem.
+    fn features(&self, ledger: &mut Ledger, grid: [usize; 2]) {
+        let pixels = 64 * area(grid);
+        let fused = self.fused(ledger, grid);
+        let middle = ledger.take(pixels * self.config.dpt_half_dim());
+        ledger.give(fused);
+        let features = ledger.take(pixels * self.config.dpt_last_dim);
+        ledger.give([middle]);
+        let raw = ledger.take(pixels * self.raw_channels());
+        ledger.give([features, raw]);
+    }
+
+    /// Channels of a pixel before its outputs are computed from them.
+    fn raw_channels(&self) -> usize {
+        MAP_CHANNELS + self.config.descriptor_channels().unwrap_or(0)
+    }
+
+    fn fused(&self, ledger: &mut Ledger, grid: [usize; 2]) -> Option<usize> {
+        (0..4).rev().fold(None, |fused, level| Some(self.level(ledger, grid, level, fused)))
     }
 
     /// A level of the point head, fused with the coarser ones and enlarged.
@@ -286,15 +305,18 @@ impl Pass<'_> {
         let shapes = [&self.config.encoder, &self.config.decoder];
         let scores = shapes.map(|shape| attention::scratch_len(keys, shape.head_dim())).into_iter().max();
         let width = self.config.patch_px * self.grids.iter().map(|grid| grid[0]).max().unwrap_or(0);
-        let layers = [(width / 4, self.config.dpt_fusion_dim, half), (width / 2, half, last)];
+        // With a stem nothing is enlarged into the last convolution, but the raw channels that come after it.
+        let (last_width, raw) = match self.config.stem_dims {
+            None => (width / 2, 0),
+            Some(_) => (0, width * self.raw_channels()),
+        };
+        let layers = [(width / 4, self.config.dpt_fusion_dim, half), (last_width, half, last)];
         let [rows, out] = [0, 1].map(|part| {
             let lens =
                 layers.map(|(width, inputs, outputs)| upsample::scratch_lens(width, inputs, outputs)[part]);
             lens.into_iter().max().unwrap_or(0)
         });
-        let by_features = self.config.descriptor_channels().filter(|_| self.config.stem_dims.is_some());
-        let described = by_features.map_or(0, head::scratch_len);
-        rows.max(scores.unwrap_or(0)) + out + described + gemm::SCRATCH_LEN
+        rows.max(scores.unwrap_or(0)).max(raw) + out + gemm::SCRATCH_LEN
     }
 }
 

@@ -1,86 +1,46 @@
 //! All of a view's head: the dense map and the descriptors.
 
-use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig};
+use selenograph_network::config::NetworkConfig;
 
-use crate::buffer::{SharedOut, with_scratch};
 use crate::dpt::{DptHead, Hooks, MAP_CHANNELS};
 use crate::error::Result;
-use crate::gemm::{Finish, Input, gemm, gemm_part};
-use crate::kernel::Simd;
-use crate::output::{HeadOutput, describe, unpack_descriptors, unpack_map};
+use crate::gemm::{Finish, Input, gemm};
+use crate::output::{HeadOutput, Modes, unpack_descriptors, unpack_halves, unpack_map};
 use crate::packed::Packed;
 use crate::probe::Watch;
 use crate::transformer::Context;
+use crate::upsample::Pixels;
 use crate::vector::Activation;
 use crate::weights::Reader;
 
 /// Hidden channels of the descriptors' MLP, in units of its input.
 const HIDDEN_FACTOR: usize = 4;
 
-/// Pixels that are described at once.
-const DESCRIBED_PIXELS: usize = 192;
-
-/// Values of scratch memory that pixels of so many raw channels take.
-pub(crate) const fn scratch_len(channels: usize) -> usize {
-    DESCRIBED_PIXELS * channels
+/// Descriptors from tokens of encoder and decoder, patch by patch.
+struct Mlp {
+    fc1: Packed,
+    fc2: Packed,
 }
 
-/// What descriptors are computed from.
+/// What the head's outputs are computed from.
 enum Source {
-    /// Tokens of encoder and decoder, patch by patch.
-    Tokens { fc1: Packed, fc2: Packed },
-    /// Features of the dense head, pixel by pixel: networks with a stem.
+    /// The dense head's map and, where there are descriptors, tokens.
+    Map(Option<Mlp>),
+    /// Features of the dense head at half the image's size, for everything: networks with a stem.
     Features(Packed),
-}
-
-struct DescriptorHead {
-    source: Source,
-    dim: usize,
-    mode: Option<ConfidenceMode>,
 }
 
 /// One of the two heads.
 pub(crate) struct Head {
     dpt: DptHead,
-    descriptors: Option<DescriptorHead>,
+    source: Source,
+    descriptor_dim: usize,
     patch_px: usize,
-    modes: (DepthMode, ConfidenceMode),
+    modes: Modes,
 }
 
-impl DescriptorHead {
-    fn read(reader: &mut Reader<'_>, config: &NetworkConfig, prefix: &str, dim: usize) -> Result<Self> {
-        let mode = config.descriptor_confidence;
-        let channels = dim + usize::from(mode.is_some());
-        let source = match config.stem_dims {
-            Some(_) => Source::Features(reader.conv1(prefix, config.dpt_last_dim, channels)?),
-            None => Source::read_mlp(reader, config, prefix, channels)?,
-        };
-        Ok(Self { source, dim, mode })
-    }
-
-    /// Descriptors of consecutive pixels and their confidences.
-    fn describe(&self, level: Simd, layer: &Packed, features: &[f32], to: &mut [f32], conf: &mut [f32]) {
-        let (inputs, channels) = (layer.inputs, layer.outputs);
-        with_scratch(scratch_len(channels), |raw| {
-            let parts = to.chunks_mut(DESCRIBED_PIXELS * self.dim).zip(conf.chunks_mut(DESCRIBED_PIXELS));
-            for ((to, conf), data) in parts.zip(features.chunks(DESCRIBED_PIXELS * inputs)) {
-                let finish = Finish::store(raw, channels);
-                let input = Input::Rows { data, stride: inputs };
-                gemm_part(level, &input, (0, conf.len()), (0, layer.num_panels()), layer, &finish);
-                let pixels = to.chunks_exact_mut(self.dim).zip(conf).zip(raw.chunks_exact(channels));
-                pixels.for_each(|((to, conf), raw)| describe(level, raw, self.mode, to, conf));
-            }
-        });
-    }
-}
-
-impl Source {
-    fn read_mlp(
-        reader: &mut Reader<'_>,
-        config: &NetworkConfig,
-        prefix: &str,
-        channels: usize,
-    ) -> Result<Self> {
+impl Mlp {
+    fn read(reader: &mut Reader<'_>, config: &NetworkConfig, prefix: &str, channels: usize) -> Result<Self> {
         let (enc, dec) = (config.encoder.dim, config.decoder.dim);
         let hidden = HIDDEN_FACTOR * (enc + dec);
         let area = config.patch_area();
@@ -98,12 +58,30 @@ impl Source {
         let fc2 = Packed::new(&[hidden], outputs, Some(&bias2), |output, input| {
             weights2[from(output) * hidden + input]
         });
-        Ok(Self::Tokens { fc1, fc2 })
+        Ok(Self { fc1, fc2 })
+    }
+}
+
+impl Source {
+    /// A layer on the features: the map's channels, then the descriptors'.
+    fn features(
+        reader: &mut Reader<'_>,
+        config: &NetworkConfig,
+        prefix: &str,
+        dpt: &DptHead,
+    ) -> Result<Self> {
+        let Some(channels) = config.descriptor_channels() else {
+            return Ok(Self::Features(dpt.last_layer((&[], &[]))));
+        };
+        let shape = [channels, config.dpt_last_dim, 1, 1];
+        let weights = reader.values(&format!("{prefix}.weight"), &shape)?;
+        let bias = reader.values(&format!("{prefix}.bias"), &shape[..1])?;
+        Ok(Self::Features(dpt.last_layer((&weights, &bias))))
     }
 
     fn num_bytes(&self) -> usize {
         match self {
-            Self::Tokens { fc1, fc2 } => fc1.num_bytes() + fc2.num_bytes(),
+            Self::Map(mlp) => mlp.as_ref().map_or(0, |mlp| mlp.fc1.num_bytes() + mlp.fc2.num_bytes()),
             Self::Features(layer) => layer.num_bytes(),
         }
     }
@@ -112,71 +90,77 @@ impl Source {
 impl Head {
     pub(crate) fn read(reader: &mut Reader<'_>, config: &NetworkConfig, prefix: &str) -> Result<Self> {
         let local = format!("{prefix}.head_local_features");
-        let descriptors = match config.descriptor_dim {
-            Some(dim) => Some(DescriptorHead::read(reader, config, &local, dim)?),
-            None => None,
+        let read_dpt = |reader: &mut Reader<'_>| DptHead::read(reader, config, &format!("{prefix}.dpt"));
+        let (source, dpt) = if config.stem_dims.is_some() {
+            let dpt = read_dpt(reader)?;
+            (Source::features(reader, config, &local, &dpt)?, dpt)
+        } else {
+            // The largest tensors before the others: they are held twice while they are packed.
+            let channels = config.descriptor_channels();
+            let mlp = channels.map(|channels| Mlp::read(reader, config, &local, channels)).transpose()?;
+            (Source::Map(mlp), read_dpt(reader)?)
         };
         Ok(Self {
-            dpt: DptHead::read(reader, config, &format!("{prefix}.dpt"))?,
-            descriptors,
+            source,
+            dpt,
+            descriptor_dim: config.descriptor_dim.unwrap_or(0),
             patch_px: config.patch_px,
-            modes: (config.depth_mode, config.confidence),
+            modes: Modes {
+                points: config.depth_mode,
+                confidence: config.confidence,
+                descriptors: config.descriptor_confidence,
+            },
         })
     }
 
     pub(crate) fn num_bytes(&self) -> usize {
-        self.dpt.num_bytes() + self.descriptors.as_ref().map_or(0, |head| head.source.num_bytes())
+        self.dpt.num_bytes() + self.source.num_bytes()
     }
 
     pub(crate) fn run(&self, context: &Context<'_>, hooks: &Hooks<'_>, watch: &mut Watch<'_>) -> HeadOutput {
         let (height_px, width_px) = (hooks.height * self.patch_px, hooks.width * self.patch_px);
         let num_pixels = height_px * width_px;
-        let described = if self.descriptors.is_some() { num_pixels } else { 0 };
-        let descriptor_dim = self.descriptors.as_ref().map_or(0, |head| head.dim);
+        let described = if self.descriptor_dim > 0 { num_pixels } else { 0 };
         let mut output = HeadOutput {
             height_px,
             width_px,
             points: vec![0.0; 3 * num_pixels],
             confidence: vec![0.0; num_pixels],
-            descriptor_dim,
-            descriptors: vec![0.0; described * descriptor_dim],
+            descriptor_dim: self.descriptor_dim,
+            descriptors: vec![0.0; self.descriptor_dim * num_pixels],
             descriptor_confidence: vec![0.0; described],
         };
-        {
-            let mut map = context.pool.take(MAP_CHANNELS * num_pixels);
-            match &self.descriptors {
-                Some(head @ DescriptorHead { source: Source::Features(layer), .. }) => {
-                    let descriptors = SharedOut::new(&mut output.descriptors);
-                    let confidences = SharedOut::new(&mut output.descriptor_confidence);
-                    self.dpt.run(context, hooks, watch, &mut map, |first, features| {
-                        let count = features.len() / layer.inputs;
-                        // SAFETY: no two calls have pixels in common; `output` outlives them all.
-                        let to = unsafe { descriptors.row(first * head.dim, count * head.dim) };
-                        // SAFETY: as above.
-                        let conf = unsafe { confidences.row(first, count) };
-                        head.describe(context.level, layer, features, to, conf);
-                    });
+        match &self.source {
+            Source::Map(mlp) => {
+                self.locate(context, hooks, watch, &mut output);
+                if let Some(mlp) = mlp {
+                    self.describe(context, mlp, hooks, watch, &mut output);
                 }
-                _ => self.dpt.run(context, hooks, watch, &mut map, |_, _| {}),
             }
-            unpack_map(&map, self.modes, &mut output.points, &mut output.confidence);
+            Source::Features(layer) => self.enlarge(context, layer, hooks, watch, &mut output),
         }
-        if let Some(head) = &self.descriptors {
-            if let Source::Tokens { fc1, fc2 } = &head.source {
-                self.describe_tokens(context, [fc1, fc2], head, hooks, watch, &mut output);
-            }
-            if head.mode.is_none() {
-                output.descriptor_confidence.copy_from_slice(&output.confidence);
-            }
+        if self.descriptor_dim > 0 && self.modes.descriptors.is_none() {
+            output.descriptor_confidence.copy_from_slice(&output.confidence);
         }
         output
     }
 
-    fn describe_tokens(
+    fn locate(
         &self,
         context: &Context<'_>,
-        [fc1, fc2]: [&Packed; 2],
-        head: &DescriptorHead,
+        hooks: &Hooks<'_>,
+        watch: &mut Watch<'_>,
+        output: &mut HeadOutput,
+    ) {
+        let mut map = context.pool.take(MAP_CHANNELS * output.confidence.len());
+        self.dpt.run(context, hooks, watch, &mut map);
+        unpack_map(&map, &self.modes, &mut output.points, &mut output.confidence);
+    }
+
+    fn describe(
+        &self,
+        context: &Context<'_>,
+        Mlp { fc1, fc2 }: &Mlp,
         hooks: &Hooks<'_>,
         watch: &mut Watch<'_>,
         output: &mut HeadOutput,
@@ -193,10 +177,36 @@ impl Head {
         unpack_descriptors(
             context.level,
             &raw,
-            (self.patch_px, output.width_px, head.dim),
-            head.mode,
+            (self.patch_px, output.width_px, self.descriptor_dim),
+            &self.modes,
             &mut output.descriptors,
             &mut output.descriptor_confidence,
         );
+    }
+
+    /// Everything, from raw channels at half the image's size.
+    fn enlarge(
+        &self,
+        context: &Context<'_>,
+        layer: &Packed,
+        hooks: &Hooks<'_>,
+        watch: &mut Watch<'_>,
+        output: &mut HeadOutput,
+    ) {
+        let features = self.dpt.features(context, hooks, watch);
+        let Pixels { data, width, height, .. } = features.pixels();
+        let channels = layer.outputs;
+        let mut raw = context.pool.take(width * height * channels);
+        context.linear(data, layer, &Finish::store(&mut raw, channels));
+        drop(features);
+        let halves = Pixels { data: &raw, width, height, channels };
+        if watch.wants_values() {
+            let mut all = context.pool.take(4 * raw.len());
+            halves.enlarge(context.level, 2 * width, &mut all);
+            let map: Vec<f32> =
+                all.chunks_exact(channels).flat_map(|raw| &raw[..MAP_CHANNELS]).copied().collect();
+            watch.see(|| format!("{}.dpt_out", hooks.name), &[2 * height, 2 * width, MAP_CHANNELS], &map);
+        }
+        unpack_halves(context.level, &halves, &self.modes, output);
     }
 }

@@ -3,12 +3,23 @@
 use rayon::prelude::*;
 use selenograph_network::config::{ConfidenceMode, DepthMode};
 
+use crate::buffer::with_scratch;
 use crate::dpt::MAP_CHANNELS;
 use crate::kernel::Simd;
+use crate::upsample::Pixels;
 use crate::vector::{dot, scale};
 
 /// Pixels of a task.
 const TASK_PIXELS: usize = 4096;
+
+/// How raw channels are read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Modes {
+    pub points: DepthMode,
+    pub confidence: ConfidenceMode,
+    /// Confidence of the descriptors, if they have one of their own.
+    pub descriptors: Option<ConfidenceMode>,
+}
 
 /// What a head says about one view, row-major over its pixels.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,50 +67,44 @@ fn point(mode: DepthMode, raw: [f32; 3]) -> [f32; 3] {
     raw.map(|value| value / length.max(MIN_LENGTH) * range)
 }
 
+/// A pixel's point and its confidence, from its raw channels.
+fn locate(raw: &[f32], modes: &Modes, to: &mut [f32], conf: &mut f32) {
+    to.copy_from_slice(&point(modes.points, [raw[0], raw[1], raw[2]]));
+    *conf = confidence(modes.confidence, raw[3]);
+}
+
 /// Points and their confidence from the map of the dense head.
-pub(crate) fn unpack_map(
-    raw: &[f32],
-    modes: (DepthMode, ConfidenceMode),
-    points: &mut [f32],
-    confidences: &mut [f32],
-) {
+pub(crate) fn unpack_map(raw: &[f32], modes: &Modes, points: &mut [f32], confidences: &mut [f32]) {
     let tasks = points.par_chunks_mut(3 * TASK_PIXELS).zip(confidences.par_chunks_mut(TASK_PIXELS));
     tasks.zip(raw.par_chunks(MAP_CHANNELS * TASK_PIXELS)).for_each(|((points, confidences), raw)| {
         let pixels = raw.chunks_exact(MAP_CHANNELS).zip(points.chunks_exact_mut(3)).zip(confidences);
         for ((raw, to), conf) in pixels {
-            to.copy_from_slice(&point(modes.0, [raw[0], raw[1], raw[2]]));
-            *conf = confidence(modes.1, raw[3]);
+            locate(raw, modes, to, conf);
         }
     });
 }
 
-/// A unit descriptor and, where `mode` is given, its confidence, from a pixel's raw channels.
-pub(crate) fn describe(
-    level: Simd,
-    raw: &[f32],
-    mode: Option<ConfidenceMode>,
-    to: &mut [f32],
-    conf: &mut f32,
-) {
+/// A pixel's unit descriptor and, where it has one of its own, its confidence, from its raw channels.
+fn describe(level: Simd, raw: &[f32], modes: &Modes, to: &mut [f32], conf: &mut f32) {
     let vector = &raw[..to.len()];
     let length = dot(level, vector, vector).sqrt();
     scale(level, vector, 1.0 / length, to);
-    if let Some(mode) = mode {
+    if let Some(mode) = modes.descriptors {
         *conf = confidence(mode, raw[to.len()]);
     }
 }
 
 /// Descriptors and their confidence from the rows of the descriptor head: for each patch its pixels in
-/// order, for each pixel `dim` numbers and, where `mode` is given, a raw confidence.
+/// order, for each pixel `dim` numbers and, where descriptors have their own, a raw confidence.
 pub(crate) fn unpack_descriptors(
     level: Simd,
     raw: &[f32],
     (patch, width, dim): (usize, usize, usize),
-    mode: Option<ConfidenceMode>,
+    modes: &Modes,
     descriptors: &mut [f32],
     confidences: &mut [f32],
 ) {
-    let channels = dim + usize::from(mode.is_some());
+    let channels = dim + usize::from(modes.descriptors.is_some());
     let per_row = width / patch;
     let token_len = patch * patch * channels;
     let rows = descriptors.par_chunks_mut(width * dim).zip(confidences.par_chunks_mut(width));
@@ -109,8 +114,30 @@ pub(crate) fn unpack_descriptors(
             let token = y / patch * per_row + x / patch;
             let pixel = y % patch * patch + x % patch;
             let from = &raw[token * token_len + pixel * channels..][..channels];
-            describe(level, from, mode, to, conf);
+            describe(level, from, modes, to, conf);
         }
+    });
+}
+
+/// All of a view's output from raw channels at half its size: those of a pixel's point, then those of its descriptor.
+pub(crate) fn unpack_halves(level: Simd, halves: &Pixels<'_>, modes: &Modes, output: &mut HeadOutput) {
+    let (width, dim) = (2 * halves.width, output.descriptor_dim);
+    let located = output.points.chunks_mut(3 * width).zip(output.confidence.chunks_mut(width));
+    let described = output.descriptors.chunks_mut((width * dim).max(1));
+    let described = described.zip(output.descriptor_confidence.chunks_mut(width)).map(Some);
+    let rows: Vec<_> = located.zip(described.chain(std::iter::repeat_with(|| None))).collect();
+    rows.into_par_iter().enumerate().for_each(|(y, ((points, confidences), described))| {
+        with_scratch(width * halves.channels, |row| {
+            halves.enlarged_row(level, y, row);
+            let pixels = row.chunks_exact(halves.channels);
+            for ((raw, to), conf) in pixels.clone().zip(points.chunks_exact_mut(3)).zip(confidences) {
+                locate(raw, modes, to, conf);
+            }
+            let Some((descriptors, confidences)) = described else { return };
+            for ((raw, to), conf) in pixels.zip(descriptors.chunks_exact_mut(dim)).zip(confidences) {
+                describe(level, &raw[MAP_CHANNELS..], modes, to, conf);
+            }
+        });
     });
 }
 

@@ -47,7 +47,7 @@ impl<'a> Pixels<'a> {
     }
 
     /// Row `y` of the enlarged image, its first `out.len() / channels` pixels.
-    fn enlarged_row(&self, level: Simd, y: usize, out: &mut [f32]) {
+    pub(crate) fn enlarged_row(&self, level: Simd, y: usize, out: &mut [f32]) {
         let (rows, down) = sources(y, self.height);
         for (x, out) in out.chunks_exact_mut(self.channels).enumerate() {
             let (cols, right) = sources(x, self.width);

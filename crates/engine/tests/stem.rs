@@ -220,12 +220,12 @@ fn check_head(seen: &Seen, maps: &[Vec<f32>; 2], head: usize, output: &HeadOutpu
     joined.assert_close(&found("layer_rn0"), &format!("{name}: head {head}, level 0"));
 
     let fused = saw("refinenet1").plus(&half.conv(&format!("{scratch}.stem0_rn"), 1));
-    let middle = fused.conv(&format!("{prefix}.dpt.head.0"), 1).doubled();
+    let middle = fused.conv(&format!("{prefix}.dpt.head.0"), 1);
     let features = middle.conv(&format!("{prefix}.dpt.head.2"), 1).relu();
-    let map = features.conv(&format!("{prefix}.dpt.head.4"), 1);
+    let map = features.conv(&format!("{prefix}.dpt.head.4"), 1).doubled();
     map.assert_close(&found("dpt_out"), &format!("{name}: head {head}, map"));
 
-    let raw = features.conv(&format!("{prefix}.head_local_features"), 1);
+    let raw = features.conv(&format!("{prefix}.head_local_features"), 1).doubled();
     let dim = config.descriptor_dim.unwrap();
     let described = Map::of(HEIGHT, WIDTH, dim, |y, x, channel| {
         let (y, x) = (y as isize, x as isize);

@@ -173,7 +173,7 @@ impl<Stage> Tokens<Stage> {
         Ok(Self::new(Tensor::from_data(TensorData::new(values, shape), &device), grid))
     }
 
-    /// With the maps of a stem from numbers in memory, as [`Tokens::maps`] has them; each with so many channels.
+    /// With the maps of a stem from numbers in memory, as [`Tokens::maps()`] has them; each with so many channels.
     ///
     /// # Errors
     /// [`Error::Views`] if they do not fill the images.
