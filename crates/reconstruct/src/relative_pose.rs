@@ -59,6 +59,16 @@ impl Default for SiftOptions {
     }
 }
 
+impl SiftOptions {
+    fn robust(&self, threshold_px: f64, cameras: [&Camera; 2]) -> RelativeOptions {
+        RelativeOptions {
+            threshold: threshold_px / mean_focal_px(cameras),
+            seed: self.seed,
+            ..RelativeOptions::default()
+        }
+    }
+}
+
 /// Settings of the paper's baseline. It states none: these are the proposal of its successors' protocol, OpenCV's defaults with 5000
 /// features, cross-checked.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -168,16 +178,11 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
-    let robust = |threshold_px: f64| RelativeOptions {
-        threshold: threshold_px / mean_focal_px(cameras),
-        seed: options.seed,
-        ..RelativeOptions::default()
-    };
     let mut counts = Counts::default();
     let mut attempt = |features: &sift::Options| {
         let found =
             matched([&seen_a, &seen_b], features, &options.matching, &mut counts, &mut durations, &mut clock);
-        let estimated = Estimated::new(&found, None, cameras, &robust(options.threshold_px));
+        let estimated = Estimated::new(&found, None, cameras, &options.robust(options.threshold_px, cameras));
         durations.estimate += clock.lap();
         estimated.map(|estimated| (found, estimated))
     };
@@ -193,29 +198,31 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
         }
     }
     let (found, first) = first?;
-    let seeds = first.inliers(&found);
-    counts.first_inliers = seeds.len();
-    let refined = match &options.subpixel {
-        Some(options) => subpixel::refine(&seen_a, &seen_b, &seeds, options),
-        None => Vec::new(),
+    first.aligned(&found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
+}
+
+/// The chain from any matcher's matches on: robust estimate within `threshold_px`, aligned windows, Sampson refinement. Of
+/// `options` only what comes after the matching counts.
+///
+/// # Errors
+/// As [`sift`].
+pub fn of_matches(
+    a: &View,
+    b: &View,
+    found: &[Match],
+    threshold_px: f64,
+    options: &SiftOptions,
+) -> Result<PairPose, CannotSay> {
+    let mut clock = Clock::start();
+    let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
+    else {
+        return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
-    durations.subpixel = clock.lap();
-    counts.refined = refined.len();
-    let second = (refined.len() >= MIN_MATCHES
-        && refined.len() as f64 >= MIN_REFINED_SHARE * seeds.len() as f64)
-        .then(|| {
-            let sigmas: Vec<f64> = refined.iter().map(|r| r.sigma_px).collect();
-            let aligned: Vec<Match> =
-                refined.iter().map(|r| Match { a: r.a, b: r.b, score: -r.sigma_px }).collect();
-            Estimated::new(&aligned, Some(&sigmas), cameras, &robust(options.refined_threshold_px))
-        });
-    durations.refinement = clock.lap();
-    match second {
-        Some(Ok(second)) => Ok(second.into_pair(counts, durations)),
-        // What looked like a motion was the noise of the features.
-        Some(Err(none @ CannotSay::NoParallax { .. })) => Err(none),
-        Some(Err(_)) | None => Ok(first.into_pair(counts, durations)),
-    }
+    let cameras = [&a.camera, &b.camera];
+    let first = Estimated::new(found, None, cameras, &options.robust(threshold_px, cameras))?;
+    let durations = Durations { estimate: clock.lap(), ..Durations::default() };
+    let counts = Counts { matches: found.len(), ..Counts::default() };
+    first.aligned(found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
 }
 
 /// Features of both pictures and their matches.
@@ -337,6 +344,44 @@ impl Estimated {
 
     fn inliers(&self, found: &[Match]) -> Vec<Match> {
         found.iter().zip(&self.pose.inliers).filter(|(_, inlier)| **inlier).map(|(m, _)| *m).collect()
+    }
+
+    /// The estimate again from the windows of its inliers, aligned to subpixels, or itself where too few can be.
+    #[expect(clippy::too_many_arguments, reason = "the middle of two chains")]
+    fn aligned(
+        self,
+        found: &[Match],
+        [a, b]: [&Intensity; 2],
+        cameras: [&Camera; 2],
+        options: &SiftOptions,
+        mut counts: Counts,
+        mut durations: Durations,
+        mut clock: Clock,
+    ) -> Result<PairPose, CannotSay> {
+        let seeds = self.inliers(found);
+        counts.first_inliers = seeds.len();
+        let refined = match &options.subpixel {
+            Some(options) => subpixel::refine(a, b, &seeds, options),
+            None => Vec::new(),
+        };
+        durations.subpixel = clock.lap();
+        counts.refined = refined.len();
+        let is_enough =
+            refined.len() >= MIN_MATCHES && refined.len() as f64 >= MIN_REFINED_SHARE * seeds.len() as f64;
+        let second = is_enough.then(|| {
+            let sigmas: Vec<f64> = refined.iter().map(|r| r.sigma_px).collect();
+            let aligned: Vec<Match> =
+                refined.iter().map(|r| Match { a: r.a, b: r.b, score: -r.sigma_px }).collect();
+            let robust = options.robust(options.refined_threshold_px, cameras);
+            Self::new(&aligned, Some(&sigmas), cameras, &robust)
+        });
+        durations.refinement = clock.lap();
+        match second {
+            Some(Ok(second)) => Ok(second.into_pair(counts, durations)),
+            // What looked like a motion was the noise of the features.
+            Some(Err(none @ CannotSay::NoParallax { .. })) => Err(none),
+            Some(Err(_)) | None => Ok(self.into_pair(counts, durations)),
+        }
     }
 
     fn num_inliers(&self) -> usize {

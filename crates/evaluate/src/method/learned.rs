@@ -1,14 +1,16 @@
 //! The method that needs a network: loaded once for a run, each view encoded once for a pair.
 
 use super::Answer;
-use super::pictures::{Pose, Scored, reference_pose};
+use super::pictures::{self, Pose, Scored, reference_pose};
 use crate::Error;
 use crate::pair_metrics::PAPER_ROWS;
 use selenograph_geometry::Camera;
 use selenograph_predict::{EncodedView, PredictOptions, Predictor, Rule};
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::learned::{LearnedMatch, LearnedOptions, solve};
+use selenograph_reconstruct::matching::Match;
 use selenograph_reconstruct::pipeline::FocalKnowledge;
+use selenograph_reconstruct::relative_pose::{SiftOptions, of_matches};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -98,7 +100,12 @@ impl<'a> Session<'a> {
     }
 
     /// What the network says of the views under two lights; a view that was seen under its light before is not encoded again.
-    pub(super) fn answer(&self, views: &[View; 2], lights: [u64; 2]) -> Result<Answer, Error> {
+    pub(super) fn answer(
+        &self,
+        views: &[View; 2],
+        lights: [u64; 2],
+        points: PointsOf,
+    ) -> Result<Answer, Error> {
         let Network { predictor, record, gate } = self.network;
         let _one_at_a_time = gate.lock().unwrap_or_else(PoisonError::into_inner);
         let mut encoded = self.encoded.borrow_mut();
@@ -111,10 +118,29 @@ impl<'a> Session<'a> {
         let said =
             predictor.predict_encoded(keys.map(|key| &encoded[&key]), FocalKnowledge::Known, &mut |_| {})?;
         let cameras = views.each_ref().map(|view| &view.camera);
-        let solved = solve(cameras, &said.input.learned, None, &record.geometry)?;
-        let reference = by_reference(&said.input.learned.matches, cameras, record.geometry.seed);
-        Ok(Answer { prediction: solved.prediction, reference_pose: Some(reference) })
+        let learned = &said.input.learned;
+        let prediction = match points {
+            PointsOf::Network => solve(cameras, learned, None, &record.geometry)?.prediction,
+            PointsOf::Stereo => {
+                let as_found = |m: &LearnedMatch| Match { a: m.a, b: m.b, score: m.score };
+                let matches: Vec<Match> = learned.matches.iter().map(as_found).collect();
+                let threshold_px = record.geometry.threshold_px * learned.match_px;
+                let [a, b] = views;
+                pictures::dense(views, of_matches(a, b, &matches, threshold_px, &SiftOptions::default()))
+            }
+        };
+        let reference = by_reference(&learned.matches, cameras, record.geometry.seed);
+        Ok(Answer { prediction, reference_pose: Some(reference) })
     }
+}
+
+/// Whose points are judged.
+#[derive(Clone, Copy)]
+pub(super) enum PointsOf {
+    /// The network's own.
+    Network,
+    /// Those of dense stereo, on the pose of the network's matches.
+    Stereo,
 }
 
 /// The reference protocol: the best of the matches within the central rows.

@@ -8,6 +8,7 @@ mod truth;
 use crate::Error;
 use crate::pair_metrics::Promise;
 use crate::truth::TruthPair;
+use learned::PointsOf;
 use selenograph_geometry::{CamA, CamB, Rigid3};
 use selenograph_pose::relative::CannotSay;
 use selenograph_reconstruct::{Prediction, View};
@@ -25,6 +26,9 @@ pub enum Method {
     Stereo,
     /// A network of the MASt3R family: points, and the pose of its matches.
     Mast3r,
+    /// Matches of a network of the MASt3R family, windows aligned to subpixels, then dense stereo.
+    #[serde(rename = "mast3r-stereo")]
+    Mast3rStereo,
     /// The truth itself: what a perfect answer scores.
     Truth,
     /// A plane fitted to the truth: the lower anchor.
@@ -49,7 +53,8 @@ pub struct Answer {
 
 impl Method {
     /// All of them, in the order of the tables.
-    pub const ALL: [Self; 6] = [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Truth, Self::Plane];
+    pub const ALL: [Self; 7] =
+        [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Mast3rStereo, Self::Truth, Self::Plane];
 
     fn words(self) -> Words {
         match self {
@@ -72,6 +77,11 @@ impl Method {
                 name: "mast3r",
                 promise: Promise::Points,
                 settings: "a network of the MASt3R family: points, and the pose of its matches",
+            },
+            Self::Mast3rStereo => Words {
+                name: "mast3r-stereo",
+                promise: Promise::Points,
+                settings: "the matches of the same network in place of SIFT's, then as `stereo`: robust pose, windows aligned to subpixels, depth of every pixel; its unit is the baseline",
             },
             Self::Truth => Words {
                 name: "truth",
@@ -147,7 +157,10 @@ impl Method {
                 prediction: pictures::stereo(views),
                 reference_pose: Some(pictures::sift_reference(views)),
             },
-            Self::Mast3r => item.network.ok_or(Error::NoNetwork)?.answer(views, item.lights)?,
+            Self::Mast3r | Self::Mast3rStereo => {
+                let points = if self == Self::Mast3r { PointsOf::Network } else { PointsOf::Stereo };
+                item.network.ok_or(Error::NoNetwork)?.answer(views, item.lights, points)?
+            }
             Self::Truth => Answer { prediction: truth::prediction(item.truth), reference_pose: None },
             Self::Plane => Answer { prediction: plane::prediction(item.truth), reference_pose: None },
         })
@@ -155,7 +168,7 @@ impl Method {
 
     /// Whether it needs a network.
     pub fn needs_network(self) -> bool {
-        self == Self::Mast3r
+        matches!(self, Self::Mast3r | Self::Mast3rStereo)
     }
 }
 

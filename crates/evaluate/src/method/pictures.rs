@@ -32,8 +32,14 @@ pub fn sift([a, b]: &[View; 2]) -> Prediction {
 }
 
 /// The pose of the chain called `sift`, then depth of every pixel of both views from its inliers on.
-pub fn stereo([a, b]: &[View; 2]) -> Prediction {
-    let found = match relative_pose::sift(a, b, &SiftOptions::default()) {
+pub fn stereo(views: &[View; 2]) -> Prediction {
+    let [a, b] = views;
+    dense(views, relative_pose::sift(a, b, &SiftOptions::default()))
+}
+
+/// Depth of every pixel of both views, from the inliers of a pose on.
+pub fn dense([a, b]: &[View; 2], found: Result<PairPose, CannotSay>) -> Prediction {
+    let found = match found {
         Ok(found) => found,
         Err(cannot_say) => return Prediction { cam_b_from_cam_a: Err(cannot_say), views: None },
     };
