@@ -5,6 +5,17 @@ use burn_tensor::{Device, Tensor, TensorData, activation};
 
 use crate::scope::Scope;
 use crate::views::StemMaps;
+use selenograph_network::config::STEM_VARIANCE_FLOOR;
+
+/// Images with mean 0 and variance 1 each, over all their pixels and colours.
+pub(crate) fn standardised(images: Tensor<4>) -> Tensor<4> {
+    let [count, colors, height, width] = images.dims();
+    let flat = images.reshape([count, colors * height * width]);
+    let centred = flat.clone() - flat.mean_dim(1);
+    let variance = centred.clone().square().mean_dim(1);
+    let scaled = centred / (variance + STEM_VARIANCE_FLOOR).sqrt();
+    scaled.reshape([count, colors, height, width])
+}
 
 /// Maps at a half, a quarter and an eighth of the size of images, `[images, channels, height, width]`.
 pub(crate) fn stem(at: &Scope<'_>, images: Tensor<4>) -> [Tensor<4>; 3] {

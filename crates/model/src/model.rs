@@ -4,7 +4,7 @@ use burn_tensor::{Device, Tensor};
 use selenograph_network::NetworkConfig;
 
 use crate::attention::Rope;
-use crate::dpt::stem;
+use crate::dpt::{standardised, stem};
 use crate::error::{Error, Result, SourceError};
 use crate::output::{HeadInputs, Output, head};
 use crate::parameters::{Gradients, NamedTensor, Parameter, Parameters};
@@ -290,7 +290,7 @@ impl Model {
             let turned = |map: Tensor<4>| if *transposed { map.swap_dims(2, 3) } else { map };
             let mut map = turned(select(images.pixels.clone(), places));
             if self.config.stem_dims.is_some() {
-                let [half, quarter, eighth] = stem(&at.under("stem"), map);
+                let [half, quarter, eighth] = stem(&at.under("stem"), standardised(map));
                 fine.push(turned(half));
                 coarse.push(turned(quarter));
                 map = eighth;

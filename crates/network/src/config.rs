@@ -10,6 +10,9 @@ const MAX_DIM: usize = 1 << 14;
 pub const IMAGE_CHANNELS: usize = 3;
 /// Channels of a point head: x, y, z, confidence.
 pub const POINT_CHANNELS: usize = 4;
+/// Added to the variance of a picture, in units of its values from −1 to 1, where a stem standardises it: noise of an empty
+/// picture stays small.
+pub const STEM_VARIANCE_FLOOR: f64 = 1e-4;
 /// Pixels along a side of what one pixel of the stem's last map sees at least.
 pub const STEM_STRIDE_PX: usize = 8;
 /// The patch size at which a stem's maps meet those of the dense heads.
@@ -104,7 +107,8 @@ pub struct NetworkConfig {
     /// Side of a patch, pixels.
     pub patch_px: usize,
     /// Channels of the maps of a convolutional stem, at a half, a quarter and an eighth of the picture's size; `None` for the
-    /// published networks, whose tokens are linear in the pixels. With a stem the finer maps also enter the dense heads, whose
+    /// published networks, whose tokens are linear in the pixels. The stem sees pictures standardised, each to
+    /// mean 0 and variance 1: lunar ground is often of low contrast. With a stem the finer maps also enter the dense heads, whose
     /// last layers work at half the picture's size, and descriptors come from their last features instead of from an MLP on
     /// tokens.
     ///
