@@ -1,7 +1,7 @@
 //! The convolutional stem: maps at a half, a quarter and an eighth of an image's size.
 
 use rayon::prelude::*;
-use selenograph_network::config::IMAGE_CHANNELS;
+use selenograph_network::config::{IMAGE_CHANNELS, STEM_VARIANCE_FLOOR};
 
 use crate::conv::Residual;
 use crate::encoder::Image;
@@ -85,14 +85,18 @@ impl Stem {
     }
 }
 
-/// An image's channels side by side, pixel by pixel.
+/// An image's channels side by side, pixel by pixel, all values together with mean 0 and variance 1.
 fn interleave(image: &Image<'_>, out: &mut [f32]) {
+    let count = image.values.len() as f64;
+    let mean = image.values.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
+    let variance = image.values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / count;
+    let (mean, factor) = (mean as f32, (1.0 / (variance + STEM_VARIANCE_FLOOR).sqrt()) as f32);
     let width = image.width_px;
     let plane = width * image.height_px;
     out.par_chunks_mut(IMAGE_CHANNELS * width).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(IMAGE_CHANNELS).enumerate() {
             for (channel, value) in pixel.iter_mut().enumerate() {
-                *value = image.values[channel * plane + y * width + x];
+                *value = (image.values[channel * plane + y * width + x] - mean) * factor;
             }
         }
     });

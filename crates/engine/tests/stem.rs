@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use selenograph_engine::{Encoding, Engine, Error, HeadOutput, Image, Probe, Simd};
+use selenograph_network::config::STEM_VARIANCE_FLOOR;
 use selenograph_network::layout::{Init, Layout, TensorSpec};
 use selenograph_network::{NetworkConfig, Preset, Transformer, random};
 
@@ -129,6 +130,14 @@ impl Map {
         })
     }
 
+    fn standardised(&self) -> Self {
+        let count = self.values.len() as f64;
+        let mean = self.values.iter().sum::<f64>() / count;
+        let variance = self.values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
+        let one = |v: &f64| (v - mean) / (variance + STEM_VARIANCE_FLOOR).sqrt();
+        Self { values: self.values.iter().map(one).collect(), ..self.clone() }
+    }
+
     fn relu(&self) -> Self {
         Self { values: self.values.iter().map(|value| value.max(0.0)).collect(), ..self.clone() }
     }
@@ -189,7 +198,7 @@ fn tokens(eighth: &Map) -> Map {
 #[test]
 fn maps_and_tokens_are_what_the_definition_says() {
     let values = pixels(0);
-    let half = level(&Map::of_planes(&values), "stem.0");
+    let half = level(&Map::of_planes(&values).standardised(), "stem.0");
     let quarter = level(&half, "stem.1");
     let expected = tokens(&level(&quarter, "stem.2"));
     for engine in engines(&config()) {
