@@ -75,7 +75,7 @@ pub enum StoreAs {
 /// `weights random`.
 #[derive(Debug, Args)]
 pub struct Random {
-    /// mast3r-vitl (the published network, 2.8 GB), base, small or tiny
+    /// mast3r-vitl (the published network, 2.8 GB), base, small or tiny; hybrid (with a convolutional stem)
     #[arg(long, value_name = "NAME")]
     pub preset: String,
     /// Another seed, other weights
