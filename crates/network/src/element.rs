@@ -1,5 +1,6 @@
 //! The numbers of a stored tensor: their types, and how they become f32.
 
+use half::{bf16, f16};
 use serde::Serialize;
 
 /// Type of a stored tensor's elements; always little-endian.
@@ -64,8 +65,8 @@ impl ElementType {
     pub(crate) fn decode(self, bytes: &[u8], out: &mut [f32]) {
         match self {
             Self::F32 => each(bytes, out, f32::from_le_bytes),
-            Self::F16 => each(bytes, out, |b| f16_to_f32(u16::from_le_bytes(b))),
-            Self::Bf16 => each(bytes, out, |b| f32::from_bits(u32::from(u16::from_le_bytes(b)) << 16)),
+            Self::F16 => each(bytes, out, |b| f16::from_le_bytes(b).to_f32()),
+            Self::Bf16 => each(bytes, out, |b| bf16::from_le_bytes(b).to_f32()),
             Self::F64 => each(bytes, out, |b| f64::from_le_bytes(b) as f32),
             Self::I8 => each(bytes, out, |b: [u8; 1]| f32::from(i8::from_le_bytes(b))),
             Self::I16 => each(bytes, out, |b| f32::from(i16::from_le_bytes(b))),
@@ -76,14 +77,35 @@ impl ElementType {
         }
     }
 
-    /// Appends `values` in this type; `None` if it is not one that weights are written in.
-    pub(crate) fn encode(self, values: &[f32], out: &mut Vec<u8>) -> Option<()> {
-        match self {
-            Self::F32 => out.extend(values.iter().flat_map(|value| value.to_le_bytes())),
-            Self::Bf16 => out.extend(values.iter().flat_map(|value| f32_to_bf16(*value).to_le_bytes())),
-            _ => return None,
+    /// Whether weights are written in it.
+    pub(crate) fn is_written(self) -> bool {
+        matches!(self, Self::F32 | Self::Bf16 | Self::F16)
+    }
+
+    /// Appends `values` in this type, rounded to the nearest, ties to even.
+    ///
+    /// # Errors
+    /// The first value that is finite and would not be so in this type; any value for a type that is not written.
+    pub(crate) fn encode(self, values: &[f32], out: &mut Vec<u8>) -> Result<(), f32> {
+        let whole =
+            |value: f32, is_finite: bool| if is_finite || !value.is_finite() { Ok(()) } else { Err(value) };
+        for &value in values {
+            match self {
+                Self::F32 => out.extend(value.to_le_bytes()),
+                Self::Bf16 => {
+                    let stored = bf16::from_f32(value);
+                    whole(value, stored.is_finite())?;
+                    out.extend(stored.to_le_bytes());
+                }
+                Self::F16 => {
+                    let stored = f16::from_f32(value);
+                    whole(value, stored.is_finite())?;
+                    out.extend(stored.to_le_bytes());
+                }
+                _ => return Err(value),
+            }
         }
-        Some(())
+        Ok(())
     }
 }
 
@@ -92,29 +114,6 @@ fn each<const N: usize>(bytes: &[u8], out: &mut [f32], convert: impl Fn([u8; N])
     for (value, chunk) in out.iter_mut().zip(chunks) {
         *value = convert(*chunk);
     }
-}
-
-/// Every binary16 is a binary32, so nothing is rounded.
-fn f16_to_f32(bits: u16) -> f32 {
-    let sign = u32::from(bits & 0x8000) << 16;
-    let exponent = u32::from(bits >> 10 & 0x1f);
-    let fraction = u32::from(bits & 0x3ff);
-    let magnitude = match exponent {
-        // Subnormal: a fraction of 2⁻²⁴, exact as an f32.
-        0 => return f32::from_bits((fraction as f32 * (1.0 / 16_777_216.0)).to_bits() | sign),
-        31 => 0x7f80_0000 | fraction << 13,
-        _ => (exponent + 112) << 23 | fraction << 13,
-    };
-    f32::from_bits(sign | magnitude)
-}
-
-/// Rounds to the nearest, ties to even; NaN stays NaN.
-fn f32_to_bf16(value: f32) -> u16 {
-    let bits = value.to_bits();
-    if value.is_nan() {
-        return (bits >> 16) as u16 | 0x40;
-    }
-    ((bits + 0x7fff + (bits >> 16 & 1)) >> 16) as u16
 }
 
 #[cfg(test)]
@@ -153,7 +152,7 @@ mod tests {
             (1.0 + 1.0 / 256.0, 1.0),
             (1.0 + 3.0 / 256.0, 1.0 + 4.0 / 256.0),
             (-3.5, -3.5),
-            (f32::MAX, f32::INFINITY),
+            (f32::INFINITY, f32::INFINITY),
         ];
         for (value, expected) in cases {
             let mut bytes = Vec::new();
@@ -163,6 +162,19 @@ mod tests {
         let mut bytes = Vec::new();
         ElementType::Bf16.encode(&[f32::NAN], &mut bytes).unwrap();
         assert!(decoded(ElementType::Bf16, &bytes)[0].is_nan());
+    }
+
+    #[test]
+    fn halves_round_to_even_and_nothing_overflows_in_silence() {
+        let cases = [(1.0f32, 1.0f32), (1.0 + 1.0 / 2048.0, 1.0), (1.0 + 3.0 / 2048.0, 1.0 + 4.0 / 2048.0)];
+        for (value, expected) in cases {
+            let mut bytes = Vec::new();
+            ElementType::F16.encode(&[value], &mut bytes).unwrap();
+            assert_eq!(decoded(ElementType::F16, &bytes), [expected]);
+        }
+        assert_eq!(ElementType::F16.encode(&[1.0, 65_520.0], &mut Vec::new()), Err(65_520.0));
+        assert_eq!(ElementType::Bf16.encode(&[f32::MAX], &mut Vec::new()), Err(f32::MAX));
+        assert_eq!(ElementType::F16.encode(&[f32::NEG_INFINITY], &mut Vec::new()), Ok(()));
     }
 
     #[test]

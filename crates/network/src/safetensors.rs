@@ -205,7 +205,7 @@ impl Writer {
     /// Begins a file of these tensors, which are then written in this order as f32 values.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Malformed`] for a name given twice or a type other than f32 and bf16.
+    /// [`Error::Io`]; [`Error::Malformed`] for a name given twice or a type other than f32, bf16 and f16.
     pub fn create(
         target: &Path,
         entries: Vec<Entry>,
@@ -226,7 +226,8 @@ impl Writer {
     /// Writes the next tensor.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Malformed`] for another number of values than announced.
+    /// [`Error::Io`]; [`Error::Malformed`] for another number of values than announced, and for one that is too large for its
+    /// type.
     pub fn write(&mut self, values: &[f32]) -> Result<(), Error> {
         let entry = self.entries.get(self.next);
         let expected = entry.map_or(0, |entry| entry.shape.iter().product());
@@ -244,8 +245,11 @@ impl Writer {
         for chunk in values.chunks(CHUNK) {
             let mut buffer = std::mem::take(&mut self.buffer);
             buffer.clear();
-            // Types were looked at when the file was begun.
-            let _ = element.encode(chunk, &mut buffer);
+            element.encode(chunk, &mut buffer).map_err(|value| {
+                let what = format!("tensor `{}`", self.entries[self.next - 1].name);
+                let expected = format!("values within the range of {}", element.name());
+                Error::malformed(&self.target, what, expected, value.to_string())
+            })?;
             self.bytes(&buffer)?;
             self.buffer = buffer;
         }
@@ -291,10 +295,11 @@ fn header_text(
 ) -> Result<Vec<u8>, Error> {
     let mut header = BTreeMap::new();
     let mut start = 0u64;
-    let unwritable =
-        |what: String, found: String| Error::malformed(target, what, "f32 or bf16, each name once", found);
+    let unwritable = |what: String, found: String| {
+        Error::malformed(target, what, "f32, bf16 or f16, each name once", found)
+    };
     for entry in entries {
-        let len = entry.num_bytes().filter(|_| matches!(entry.element, ElementType::F32 | ElementType::Bf16));
+        let len = entry.num_bytes().filter(|_| entry.element.is_written());
         let len =
             len.ok_or_else(|| unwritable(format!("tensor `{}`", entry.name), entry.element.name().into()))?;
         let described = Described {

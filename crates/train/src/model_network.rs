@@ -49,6 +49,13 @@ impl ModelNetwork {
         Self { cache_bytes, encoder: OnceLock::new(), ..self }
     }
 
+    /// The same, whose files also say the longest side of the pictures that it learns from.
+    #[must_use]
+    pub fn with_input_px(mut self, side: usize) -> Self {
+        self.metadata.insert(checkpoint::key::INPUT_PX.to_owned(), side.to_string());
+        self
+    }
+
     /// The model.
     pub fn model(&self) -> &Model {
         &self.model

@@ -4,9 +4,6 @@ use super::weights::Heads;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Longest side of an input: what networks of the family are trained on.
-const MAX_SIDE: usize = 512;
-
 /// The network of the method `mast3r`.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Network (method mast3r)")]
@@ -20,9 +17,10 @@ pub struct NetworkChoice {
     /// How a picture becomes its input
     #[arg(long, value_enum, default_value_t = InputRule::Whole)]
     pub input: InputRule,
-    /// Larger pictures are made smaller, to this longest side
-    #[arg(long, value_name = "PX", default_value_t = MAX_SIDE)]
-    pub max_side: usize,
+    /// Larger pictures are made smaller, to this longest side [default: what the weights' file says they were trained on, else
+    /// 512]
+    #[arg(long, value_name = "PX")]
+    pub max_side: Option<usize>,
     /// Most memory that the network may take, such as 3GB or 800MB [default: what is free]
     #[arg(long, value_name = "AMOUNT", value_parser = crate::bytes::parse)]
     pub max_memory: Option<u64>,
@@ -40,7 +38,7 @@ impl Default for NetworkChoice {
             weights: None,
             device: "cpu".into(),
             input: InputRule::Whole,
-            max_side: MAX_SIDE,
+            max_side: None,
             max_memory: None,
             dry_run: false,
             heads: Heads { encoder_heads: None, decoder_heads: None },

@@ -70,6 +70,8 @@ pub enum StoreAs {
     F32,
     /// bf16: half the size, 8 bits of precision
     Bf16,
+    /// f16: half the size, 11 bits of precision, nothing above 65504
+    F16,
 }
 
 /// `weights random`.

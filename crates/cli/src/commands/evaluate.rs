@@ -189,7 +189,7 @@ fn open_network(
         return network::unused(&args.network).map(|()| None);
     }
     // The pictures are not read yet: larger inputs there are none.
-    let pictures = [[args.network.max_side; 2]; 2];
+    let pictures = [[network::max_side(&args.network)?; 2]; 2];
     let task = network::Task { pictures, focal: FocalKnowledge::Known, num_pairs: source.num_items() };
     network::open(&args.network, &network::options(&args.network)?, &task, ui).map(Some)
 }

@@ -85,6 +85,7 @@ pub fn convert(args: &Convert, ui: &Ui) -> anyhow::Result<Outcome> {
         StoreAs::Exact => Storing::Exact,
         StoreAs::F32 => Storing::F32,
         StoreAs::Bf16 => Storing::Bf16,
+        StoreAs::F16 => Storing::F16,
     };
     let options = ConvertOptions { storing, license: args.license.clone() };
     let bar = ui.bar(checkpoint.layout().num_parameters() as u64, "parameters");

@@ -18,6 +18,8 @@ pub enum Storing {
     F32,
     /// bf16, rounded to the nearest: half the size.
     Bf16,
+    /// f16, rounded to the nearest: half the size, for weights within ±65504.
+    F16,
 }
 
 /// How to convert.
@@ -49,6 +51,9 @@ impl Checkpoint {
         let entries = present.iter().map(|spec| self.entry(spec, options.storing)).collect();
         let mut metadata = header(&self.config, options.license.as_deref().or(self.license()));
         metadata.insert(key::PROVENANCE.into(), self.describe_origin());
+        if let Some(side) = self.input_px() {
+            metadata.insert(key::INPUT_PX.into(), side.to_string());
+        }
         if let Some(model) = self.model_string() {
             metadata.insert(key::MODEL_STRING.into(), model.to_owned());
         }
@@ -66,6 +71,7 @@ impl Checkpoint {
         let is_bf16 = self.tensor(&spec.name).is_some_and(|tensor| tensor.element == ElementType::Bf16);
         let element = match storing {
             Storing::Bf16 => ElementType::Bf16,
+            Storing::F16 => ElementType::F16,
             Storing::Exact if is_bf16 => ElementType::Bf16,
             Storing::Exact | Storing::F32 => ElementType::F32,
         };

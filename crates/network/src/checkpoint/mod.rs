@@ -30,6 +30,8 @@ use tensors::Source;
 pub mod key {
     /// The network's dimensions, JSON.
     pub const CONFIG: &str = "config";
+    /// Longest side of the pictures that it was trained on, pixels.
+    pub const INPUT_PX: &str = "input_px";
     /// Under which licence the weights are.
     pub const LICENSE: &str = "license";
     /// Where they come from.
@@ -164,6 +166,11 @@ impl Checkpoint {
     /// The licence of the weights, where the file states it.
     pub fn license(&self) -> Option<&str> {
         self.metadata.get(key::LICENSE).map(String::as_str)
+    }
+
+    /// Longest side of the pictures that it was trained on, where its file states it.
+    pub fn input_px(&self) -> Option<usize> {
+        self.metadata.get(key::INPUT_PX)?.parse().ok().filter(|side| *side > 0)
     }
 
     /// Where the weights come from, where the file states it.

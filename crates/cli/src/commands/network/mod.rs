@@ -15,19 +15,41 @@ use selenograph_predict::{About, Executor, PredictOptions, Predictor, Progress, 
 use std::path::Path;
 use std::time::Instant;
 
+/// Longest side of an input where neither the command line nor the weights tell: that of the published networks.
+const USUAL_SIDE: usize = 512;
+
 /// How the network is run, as far as the command line says.
 ///
 /// # Errors
 /// A device that this build does not have; an input without pixels.
 pub fn options(choice: &NetworkChoice) -> anyhow::Result<PredictOptions> {
-    if choice.max_side == 0 {
-        return Err(refuse("--max-side 0: no such picture", "512 is what networks are trained on"));
-    }
+    let side = max_side(choice)?;
     let input = match choice.input {
-        InputRule::Whole => Rule::Whole { max_side: Some(choice.max_side), border: Border::Pad },
-        InputRule::Published => Rule::Published { size: choice.max_side, square: SquareCrop::FourThirds },
+        InputRule::Whole => Rule::Whole { max_side: Some(side), border: Border::Pad },
+        InputRule::Published => Rule::Published { size: side, square: SquareCrop::FourThirds },
     };
     Ok(PredictOptions { executor: Executor::named(&choice.device)?, input, ..PredictOptions::default() })
+}
+
+/// Longest side of an input.
+///
+/// # Errors
+/// An input without pixels; weights that cannot be read.
+pub fn max_side(choice: &NetworkChoice) -> anyhow::Result<usize> {
+    match (choice.max_side, &choice.weights) {
+        (Some(0), _) => {
+            Err(refuse("--max-side 0: no such picture", "512 is what most networks are trained on"))
+        }
+        (Some(side), _) => Ok(side),
+        (None, Some(path)) => {
+            Ok(Checkpoint::open_with(path, heads(choice))?.input_px().unwrap_or(USUAL_SIDE))
+        }
+        (None, None) => Ok(USUAL_SIDE),
+    }
+}
+
+fn heads(choice: &NetworkChoice) -> HeadCounts {
+    HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads }
 }
 
 /// The weights that were named.
@@ -71,10 +93,14 @@ pub fn open(
     task: &Task,
     ui: &Ui,
 ) -> anyhow::Result<Checkpoint> {
-    let heads = HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads };
-    let checkpoint = Checkpoint::open_with(weights(choice)?, heads)?;
+    let checkpoint = Checkpoint::open_with(weights(choice)?, heads(choice))?;
     let about = About::new(&checkpoint, &options.executor);
     ui.note(&format!("{}; {} threads", about.sentence(), rayon::current_num_threads()));
+    if let (None, Some(side)) = (choice.max_side, checkpoint.input_px()) {
+        ui.note(&format!(
+            "note: pictures are made {side} px at most, as the weights' file says they were trained on"
+        ));
+    }
     for note in &about.notes {
         ui.note(&format!("note: {note}"));
     }
