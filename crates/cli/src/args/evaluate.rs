@@ -12,7 +12,7 @@ pub struct Evaluate {
     /// Dataset folder, ours or triplets, or a folder of such folders
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
-    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, mast3r, truth, plane
+    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, mast3r, mast3r-stereo, truth, plane
     #[arg(long = "method", short, value_name = "METHOD", required = true, value_delimiter = ',')]
     pub methods: Vec<String>,
     /// View A under one light and view B under another: only such items, or beside those of one light

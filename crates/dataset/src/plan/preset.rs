@@ -5,11 +5,12 @@ use crate::Error;
 use toml::{Table, Value};
 
 /// The presets: name, and text of the TOML file.
-pub const PRESETS: [(&str, &str); 5] = [
+pub const PRESETS: [(&str, &str); 6] = [
     ("paper-iccv2025", include_str!("../../../../presets/paper-iccv2025.toml")),
     ("paper-iccv2025-scripts", include_str!("../../../../presets/paper-iccv2025-scripts.toml")),
     ("polar-real", include_str!("../../../../presets/polar-real.toml")),
     ("descent", include_str!("../../../../presets/descent.toml")),
+    ("training", include_str!("../../../../presets/training.toml")),
     ("hard-cases", include_str!("../../../../presets/hard-cases.toml")),
 ];
 
