@@ -29,7 +29,7 @@ impl Directions {
 /// The architecture as published; an executor that reorders linear layers may need fewer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flops {
-    /// Patches and the encoder, both pictures.
+    /// Patches, or the stem and its tokens, and the encoder, both pictures.
     pub encoder: f64,
     /// Both decoders.
     pub decoders: f64,
@@ -156,6 +156,7 @@ fn descriptors(config: &NetworkConfig, grid: Grid) -> f64 {
 mod tests {
     use super::*;
     use crate::Preset;
+    use crate::layout::{Layout, Part, Purpose};
 
     /// The table of published figures gives whole GFLOP.
     const ROUNDING: f64 = 0.5;
@@ -171,6 +172,74 @@ mod tests {
             for (found, expected) in found.into_iter().zip(expected) {
                 assert!((found - expected).abs() <= ROUNDING, "{size:?}: {found} instead of {expected}");
             }
+        }
+    }
+
+    /// How often a view's pass multiplies with each value of a weight, by the weight's name.
+    fn applications(name: &str, [width, height]: [usize; 2], other: usize, has_stem: bool) -> usize {
+        let tokens = width * height;
+        let levels = [16 * tokens, 4 * tokens, tokens, width.div_ceil(2) * height.div_ceil(2)];
+        let digit_after = |start: &str| {
+            let (_, rest) = name.split_once(start)?;
+            rest.chars().next()?.to_digit(10).map(|digit| digit as usize)
+        };
+        let has = |part: &str| name.contains(part);
+        if has("projk") || has("projv") {
+            other
+        } else if let Some(level) = digit_after("scratch.stem") {
+            [64, 16][level] * tokens
+        } else if let Some(level) = digit_after("stem.") {
+            [64, 16, 4][level] * tokens
+        } else if let Some(level) = digit_after("scratch.layer") {
+            levels[level - 1]
+        } else if let Some(level) = digit_after("refinenet") {
+            // The projection reads the enlarged map.
+            levels[level - 1] * if has("out_conv") { 4 } else { 1 }
+        } else if has("act_postprocess.3.1") {
+            levels[3]
+        } else if has("dpt.head.0") || (has_stem && (has("dpt.head.") || has("head_local_features"))) {
+            64 * tokens
+        } else if has("dpt.head.") {
+            256 * tokens
+        } else {
+            tokens
+        }
+    }
+
+    #[test]
+    fn every_weight_is_counted_as_often_as_it_is_used() {
+        let grids = [[4, 3], [2, 5]];
+        let inputs = grids.map(|grid| grid.map(|side| 16 * side));
+        for preset in [Preset::Hybrid, Preset::Tiny] {
+            let config = preset.config();
+            let mut products = [0; 3];
+            for view in 0..2 {
+                let [tokens, other] = [view, 1 - view].map(|view: usize| grids[view][0] * grids[view][1]);
+                for spec in Layout::new(&config).unwrap().owned() {
+                    let stage = match spec.part {
+                        Part::Stem | Part::PatchEmbed | Part::Encoder => 0,
+                        Part::DecoderEmbed | Part::Decoder1 | Part::Decoder2 => 1,
+                        _ => 2,
+                    };
+                    // What a view does not pass through is the other view's.
+                    let of_other = match spec.part {
+                        Part::Decoder1 | Part::Head1Points | Part::Head1Descriptors => view == 1,
+                        Part::Decoder2 | Part::Head2Points | Part::Head2Descriptors => view == 0,
+                        _ => false,
+                    };
+                    if spec.shape.len() < 2 || spec.purpose != Purpose::Computed || of_other {
+                        continue;
+                    }
+                    let has_stem = config.stem_dims.is_some();
+                    products[stage] += spec.len() * applications(&spec.name, grids[view], other, has_stem);
+                }
+                let (enc, dec) = (config.encoder, config.decoder);
+                products[0] += enc.num_blocks * 2 * tokens * tokens * enc.dim;
+                products[1] += dec.num_blocks * 2 * tokens * (tokens + other) * dec.dim;
+            }
+            let flops = Flops::of_pair(&config, inputs, Directions::Forward);
+            let found = [flops.encoder, flops.decoders, flops.heads];
+            assert_eq!(found, products.map(|count| 2.0 * count as f64), "{}", preset.name());
         }
     }
 

@@ -346,3 +346,42 @@ fn fan_in_bound(shape: &[usize]) -> f64 {
     let fan_in: usize = shape[1..].iter().product();
     (1.0 / fan_in as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Preset;
+
+    #[test]
+    fn a_stem_brings_its_convolutions_and_replaces_the_descriptors_mlp() {
+        let layout = Layout::new(&Preset::Hybrid.config()).unwrap();
+        let shape = |name: &str| layout.get(name).unwrap_or_else(|| panic!("no `{name}`")).shape.clone();
+        for (level, (inputs, dim)) in [(3, 24), (24, 48), (48, 96)].into_iter().enumerate() {
+            for (conv, inputs) in [("down", inputs), ("conv1", dim), ("conv2", dim)] {
+                assert_eq!(shape(&format!("stem.{level}.{conv}.weight")), [dim, inputs, 3, 3]);
+                assert_eq!(shape(&format!("stem.{level}.{conv}.bias")), [dim]);
+            }
+        }
+        assert_eq!(shape("patch_embed.proj.weight"), [192, 96, 2, 2]);
+        for head in ["downstream_head1", "downstream_head2"] {
+            assert_eq!(shape(&format!("{head}.dpt.scratch.stem0_rn.weight")), [48, 24, 1, 1]);
+            assert_eq!(shape(&format!("{head}.dpt.scratch.stem1_rn.weight")), [48, 48, 1, 1]);
+            assert_eq!(shape(&format!("{head}.head_local_features.weight")), [25, 48, 1, 1]);
+            assert!(layout.get(&format!("{head}.head_local_features.fc1.weight")).is_none());
+        }
+        // Nine taps of inputs, and a bias, for each output of each convolution.
+        let level = |inputs: usize, dim: usize| dim * (9 * inputs + 1) + 2 * dim * (9 * dim + 1);
+        let counts = layout.parameters_per_part();
+        assert_eq!(counts[&Part::Stem], level(3, 24) + level(24, 48) + level(48, 96));
+        assert_eq!(counts[&Part::Head1Descriptors], 25 * (48 + 1));
+        assert!(
+            layout.specs().iter().all(|spec| spec.part != Part::Stem || spec.purpose == Purpose::Computed)
+        );
+    }
+
+    #[test]
+    fn without_a_stem_nothing_is_named_after_one() {
+        let layout = Layout::new(&Preset::Tiny.config()).unwrap();
+        assert!(layout.specs().iter().all(|spec| !spec.name.contains("stem") && spec.part != Part::Stem));
+    }
+}

@@ -118,14 +118,28 @@ mod tests {
     }
 
     #[test]
+    fn headers_from_before_there_were_stems_are_read() {
+        let (tiny, hybrid) = (Preset::Tiny.config(), Preset::Hybrid.config());
+        let [old, new] = [&tiny, &hybrid].map(|config| serde_json::to_string(config).unwrap());
+        assert!(!old.contains("stem_dims") && new.contains(r#""stem_dims":[24,48,96]"#), "{old} {new}");
+        for (text, config) in [(old, tiny), (new, hybrid)] {
+            assert_eq!(serde_json::from_str::<NetworkConfig>(&text).unwrap(), config);
+        }
+    }
+
+    #[test]
     fn dimensions_that_no_network_has_are_refused() {
-        let broken: [fn(&mut NetworkConfig); 6] = [
+        let broken: [fn(&mut NetworkConfig); 9] = [
             |config| config.encoder.num_heads = 0,
             |config| config.encoder.num_heads = 5,
             |config| config.decoder.dim = usize::MAX,
             |config| config.decoder.num_blocks = 1 << 40,
             |config| config.dpt_fusion_dim = 0,
             |config| config.descriptor_dim = Some(0),
+            |config| config.stem_dims = Some([24, 0, 96]),
+            |config| config.stem_dims = Some([24, 48, usize::MAX]),
+            // The maps of a stem have no place in the heads of another patch size.
+            |config| (config.patch_px, config.stem_dims) = (32, Some([24, 48, 96])),
         ];
         for spoil in broken {
             let mut config = Preset::Tiny.config();

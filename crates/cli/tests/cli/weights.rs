@@ -21,6 +21,17 @@ fn random_weights_are_told_and_converted() {
 }
 
 #[test]
+fn a_network_with_a_stem_is_told_with_its_parts() {
+    let place = Place::new();
+    place.run("weights random --preset hybrid --out a.safetensors").ok();
+    let info = place.run("weights info a.safetensors --json").ok().json();
+    assert_eq!((&info["parameters"], &info["complete"]), (&6_560_778.into(), &true.into()));
+    assert_eq!(info["config"]["stem_dims"], serde_json::json!([24, 48, 96]));
+    let told = place.run("weights info a.safetensors").ok().stdout;
+    assert!(told.contains("stem"), "{told}");
+}
+
+#[test]
 fn what_is_no_checkpoint_is_refused() {
     let place = Place::new();
     place.write("notes.txt", "not weights, not at all");

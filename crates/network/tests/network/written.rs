@@ -1,7 +1,7 @@
 //! What is written here, and partial checkpoints made of it.
 
 use crate::torch_file::{Tensor, Zip, archive, pickle};
-use selenograph_network::checkpoint::{ConvertOptions, Storing};
+use selenograph_network::checkpoint::{self, ConvertOptions, Storing};
 use selenograph_network::layout::{Layout, Part};
 use selenograph_network::model_string::Family;
 use selenograph_network::safetensors::{Entry, Writer};
@@ -206,4 +206,49 @@ fn the_same_name_twice_is_said() {
     let checkpoint = Checkpoint::open(&path).unwrap();
     assert_eq!(checkpoint.fit().duplicated, ["enc_blocks.0.norm1.weight"]);
     assert!(checkpoint.check_complete().unwrap_err().to_string().contains("there twice"));
+}
+
+#[test]
+fn a_network_with_a_stem_is_read_from_halves_and_its_header() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = Preset::Hybrid.config();
+    let layout = Layout::new(&config).unwrap();
+    let value = |idx: usize| [0.5f32, -1.0, 2.0, 0.0][idx % 4];
+    let bits = |idx: usize| [0x3800u16, 0xbc00, 0x4000, 0][idx % 4];
+    let mut header = serde_json::Map::new();
+    header.insert(
+        "__metadata__".into(),
+        serde_json::to_value(checkpoint::header(&config, Some("none"))).unwrap(),
+    );
+    let mut data = Vec::new();
+    for spec in layout.owned() {
+        let start = data.len();
+        data.extend((0..spec.len()).flat_map(|idx| bits(idx).to_le_bytes()));
+        let tensor =
+            serde_json::json!({ "dtype": "F16", "shape": spec.shape, "data_offsets": [start, data.len()] });
+        header.insert(spec.name.clone(), tensor);
+    }
+    let header = serde_json::to_vec(&header).unwrap();
+    let path = dir.path().join("hybrid.safetensors");
+    std::fs::write(&path, [&(header.len() as u64).to_le_bytes(), header.as_slice(), &data].concat()).unwrap();
+    let checkpoint = Checkpoint::open(&path).unwrap();
+    checkpoint.check_complete().unwrap();
+    assert_eq!((checkpoint.config(), checkpoint.family()), (&config, Family::Mast3r));
+    assert!(checkpoint.fit().complete_parts().any(|part| part == Part::Stem));
+    for name in ["stem.0.down.weight", "downstream_head2.head_local_features.weight"] {
+        assert_eq!(checkpoint.tensor(name).unwrap().element, ElementType::F16);
+        let expected: Vec<f32> = (0..layout.get(name).unwrap().len()).map(value).collect();
+        assert_eq!(checkpoint.read(name).unwrap(), expected, "{name}");
+    }
+}
+
+#[test]
+fn random_weights_of_a_network_with_a_stem_are_complete() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("hybrid.safetensors");
+    random::write(&Preset::Hybrid.config(), 1, &path, &mut |_| {}).unwrap();
+    let checkpoint = Checkpoint::open(&path).unwrap();
+    checkpoint.check_complete().unwrap();
+    assert_eq!(checkpoint.layout().num_parameters(), 6_560_778);
+    assert_eq!(checkpoint.config(), &Preset::Hybrid.config());
 }
