@@ -67,7 +67,7 @@ def torch_pair(network, images):
     watch, times = Stopwatch(), {}
     encoded = network.encode(images)
     times["encoder"] = watch.lap()
-    hooks = network.decode(encoded, height, width)
+    hooks = network.decode(*encoded.split(1), height, width)
     times["decoders"] = watch.lap()
     outputs = network.heads(hooks, height, width)
     times["heads"] = watch.lap()
@@ -80,7 +80,7 @@ def torch_symmetric(network, images):
     watch = Stopwatch()
     encoded = network.encode(images)
     for way in (encoded, encoded.flip(0)):
-        network.heads(network.decode(way, height, width), height, width)
+        network.heads(network.decode(*way.split(1), height, width), height, width)
     return watch.lap()
 
 
@@ -102,7 +102,7 @@ def gflop(height_px, width_px):
         network, counts = Network(), []
         height, width = height_px // PATCH, width_px // PATCH
         result = torch.empty(2, 3, height_px, width_px)
-        for part in (network.encode, lambda x: network.decode(x, height, width), lambda x: network.heads(x, height, width)):
+        for part in (network.encode, lambda x: network.decode(*x.split(1), height, width), lambda x: network.heads(x, height, width)):
             with FlopCounterMode(display=False) as counter:
                 result = part(result)
             counts.append(counter.get_total_flops() / 1e9)

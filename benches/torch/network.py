@@ -165,12 +165,12 @@ class Head(nn.Module):
         self.head_local_features = Mlp(dim, 4 * dim, CHANNELS * PATCH * PATCH)
 
     def forward(self, hooks, height, width):
-        """Points [H, W, 3], confidence, descriptors [H, W, 24], their confidence, of one image."""
-        xyz, confidence = self.dpt(hooks, height, width)[0].permute(1, 2, 0).split([3, 1], -1)
+        """Points [batch, H, W, 3], confidence, descriptors [batch, H, W, 24], their confidence."""
+        xyz, confidence = self.dpt(hooks, height, width).permute(0, 2, 3, 1).split([3, 1], -1)
         length = xyz.norm(dim=-1, keepdim=True)
         points = xyz / length.clip(min=1e-8) * torch.expm1(length)
         local = self.head_local_features(torch.cat((hooks[0], hooks[3]), -1))
-        local = F.pixel_shuffle(local.transpose(1, 2).unflatten(2, (height, width)), PATCH)[0].permute(1, 2, 0)
+        local = F.pixel_shuffle(local.transpose(1, 2).unflatten(2, (height, width)), PATCH).permute(0, 2, 3, 1)
         descriptors = F.normalize(local[..., :-1], dim=-1, eps=0.0)
         return points, 1 + confidence[..., 0].exp(), descriptors, local[..., -1].exp()
 
@@ -196,18 +196,22 @@ class Network(nn.Module):
 
     def encode(self, images):
         """[2, 3, H, W] to tokens [2, N, dim]: both images at once, which is PyTorch's better way."""
+        return self.enc_norm(self.encode_blocks(images))
+
+    def encode_blocks(self, images):
+        """The encoder without its last normalisation."""
         grid = self.patch_embed.proj(images)
         angles = positions(*grid.shape[2:], ENCODER["dim"] // ENCODER["heads"])
         x = grid.flatten(2).transpose(1, 2)
         for block in self.enc_blocks:
             x = block(x, angles)
-        return self.enc_norm(x)
+        return x
 
-    def decode(self, encoded, height, width):
-        """Tokens of both images at the heads' four hooks."""
+    def decode(self, encoded_a, encoded_b, height, width):
+        """Tokens of both sides, [batch, N, dim], at the heads' four hooks."""
         angles = positions(height, width, DECODER["dim"] // DECODER["heads"])
-        a, b = self.decoder_embed(encoded).split(1)
-        hooks = [[encoded[:1]], [encoded[1:]]]
+        a, b = self.decoder_embed(encoded_a), self.decoder_embed(encoded_b)
+        hooks = [[encoded_a], [encoded_b]]
         for idx, (first, second) in enumerate(zip(self.dec_blocks, self.dec_blocks2), 1):
             a, b = first(a, b, angles, angles), second(b, a, angles, angles)
             if idx in (DECODER["blocks"] // 2, DECODER["blocks"] * 3 // 4):

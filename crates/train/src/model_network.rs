@@ -73,7 +73,10 @@ impl ModelNetwork {
     }
 
     /// What a frozen encoder makes of the pictures; none where it learns, or where the heads read a stem's maps too.
-    fn features(&self, images: &PairImages) -> Result<Option<Features>, Error> {
+    ///
+    /// # Errors
+    /// [`Error::Engine`], [`Error::Model`] for pictures that do not fit the network.
+    pub fn features(&self, images: &PairImages) -> Result<Option<Features>, Error> {
         if self.frozen == Frozen::None || self.model.config().stem_dims.is_some() {
             return Ok(None);
         }
