@@ -162,7 +162,7 @@ fn main() {
         .with_encoding_cache(1 << 30);
     watch.lap("load");
     let settings = TrainSettings { recompute, ..TrainSettings::default() };
-    let estimate = MemoryEstimate::new(&network, &settings, [height, width], MATCHES);
+    let estimate = MemoryEstimate::new(&network, &settings, [height, width], MATCHES, 1);
     println!(
         "{}",
         json!({"estimate_gb": estimate.bytes(1) as f64 / 1e9, "parameters_gb": estimate.parameters as f64 / 1e9})

@@ -9,6 +9,7 @@
 //! | run, stop and go on | [`run`] |
 #![forbid(unsafe_code)]
 
+mod activations;
 pub mod batch;
 mod error;
 mod frozen;

@@ -1,13 +1,14 @@
 //! The networks of crate `model`, to be trained.
 
 use crate::Error;
+use crate::activations;
 use crate::batch::{PairImages, ViewOutput};
 use crate::frozen::FrozenEncoder;
 use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
 use selenograph_model::{Features, Images, Inputs, Keep, Model, Output, Parameter};
+use selenograph_network::checkpoint;
 use selenograph_network::layout::Part;
-use selenograph_network::{NetworkConfig, checkpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -72,12 +73,16 @@ impl ModelNetwork {
         parameter.is_computed() && !self.is_frozen(parameter)
     }
 
+    fn encodes_off_the_tape(&self) -> bool {
+        self.frozen == Frozen::Encoder && self.model.config().stem_dims.is_none()
+    }
+
     /// What a frozen encoder makes of the pictures; none where it learns, or where the heads read a stem's maps too.
     ///
     /// # Errors
     /// [`Error::Engine`], [`Error::Model`] for pictures that do not fit the network.
     pub fn features(&self, images: &PairImages) -> Result<Option<Features>, Error> {
-        if self.frozen == Frozen::None || self.model.config().stem_dims.is_some() {
+        if !self.encodes_off_the_tape() {
             return Ok(None);
         }
         let encoder = match self.encoder.get() {
@@ -193,40 +198,18 @@ impl PairNetwork for ModelNetwork {
         self.model.parameters().get(name).is_some_and(|parameter| self.trains(parameter))
     }
 
-    fn activation_bytes(&self, [height, width]: [usize; 2]) -> u64 {
-        activation_floats(self.model.config(), self.frozen, height * width) * 4
+    fn activation_bytes(&self, size: [usize; 2]) -> u64 {
+        activations::floats(self.model.config(), self.frozen, self.keep, size) * 4
     }
-}
 
-/// Numbers that the tape keeps of both pictures of a pair, and what comes and goes beside them. An estimate from the
-/// layers' inputs: a block keeps some 20 rows of its width per token and three maps of the attention.
-fn activation_floats(config: &NetworkConfig, frozen: Frozen, num_pixels: usize) -> u64 {
-    /// Rows of a block's width per token: norms, queries, keys, values, products, four of the hidden layer before and after
-    /// its activation, sums.
-    const ROWS_SELF: usize = 20;
-    /// The same with cross-attention.
-    const ROWS_CROSS: usize = 28;
-    /// Maps of scores: products, softmax, and one on the way back.
-    const SCORES: usize = 3;
-    /// Numbers per pixel of a dense head, in widths of its features: convolutions at a half, a quarter and an eighth of the
-    /// size with their activations and upsamplings.
-    const HEAD_WIDTHS: usize = 8;
-    let tokens = num_pixels / config.patch_area();
-    let block = |dim: usize, heads: usize, rows: usize, attentions: usize| {
-        tokens * dim * rows + attentions * SCORES * heads * tokens * tokens
-    };
-    let encoder = match frozen {
-        Frozen::Encoder => 0,
-        Frozen::None => {
-            let one = block(config.encoder.dim, config.encoder.num_heads, ROWS_SELF, 1);
-            2 * config.encoder.num_blocks * one
+    fn resident_bytes(&self) -> u64 {
+        if !self.encodes_off_the_tape() {
+            return 0;
         }
-    };
-    // Both views, each pair both ways.
-    let decoder =
-        4 * config.decoder.num_blocks * block(config.decoder.dim, config.decoder.num_heads, ROWS_CROSS, 2);
-    let descriptors = config.descriptor_channels().unwrap_or(0) * 4
-        + 3 * config.descriptor_hidden_dim() / config.patch_area();
-    let heads = 4 * num_pixels * (HEAD_WIDTHS * config.dpt_fusion_dim + descriptors);
-    (encoder + decoder + heads) as u64
+        // The engine's copy of the encoder's weights.
+        let frozen = self.model.parameters().iter().filter(|parameter| self.is_frozen(parameter));
+        let is_cpu = selenograph_model::device::is_cpu(&self.device());
+        let packed: usize = if is_cpu { frozen.map(|parameter| 4 * parameter.spec().len()).sum() } else { 0 };
+        (packed + self.cache_bytes) as u64
+    }
 }

@@ -51,4 +51,9 @@ pub trait PairNetwork: Sync {
 
     /// Bytes that one pair of pictures of `size` (rows, columns) takes while it is learnt from.
     fn activation_bytes(&self, size: [usize; 2]) -> u64;
+
+    /// Bytes that it holds from the first step on, beside its parameters.
+    fn resident_bytes(&self) -> u64 {
+        0
+    }
 }

@@ -282,14 +282,14 @@ fn a_teacher_stands_in_for_the_truth() {
 fn memory_is_foreseen() {
     let network = fresh_network(Frozen::Encoder);
     let settings = TrainSettings::default();
-    let estimate = MemoryEstimate::new(&network, &settings, [384, 512], 8192);
+    let estimate = MemoryEstimate::new(&network, &settings, [384, 512], 8192, 1);
     let (one, two) = (estimate.bytes(1), estimate.bytes(2));
     assert!(two > one && estimate.check(2, two).is_ok());
     match estimate.check(8, two) {
         Err(Error::OutOfMemoryForeseen { batch_that_fits: 2, .. }) => (),
         other => panic!("{other:?}"),
     }
-    let all = MemoryEstimate::new(&fresh_network(Frozen::None), &settings, [384, 512], 8192);
+    let all = MemoryEstimate::new(&fresh_network(Frozen::None), &settings, [384, 512], 8192, 1);
     assert!(all.parameters > estimate.parameters && all.per_pair > estimate.per_pair);
     assert_eq!(config().patch_px, 16);
     assert_eq!(network.device(), Device::flex());

@@ -156,8 +156,13 @@ fn foresee(network: &dyn PairNetwork, request: &Request, ui: &Ui) -> anyhow::Res
     let Some([width, height]) = loader.sizes.iter().max_by_key(|[width, height]| width * height) else {
         return Ok(());
     };
-    let estimate =
-        MemoryEstimate::new(network, &request.settings.learning, [*height, *width], loader.num_matches);
+    let estimate = MemoryEstimate::new(
+        network,
+        &request.settings.learning,
+        [*height, *width],
+        loader.num_matches,
+        at_a_time(request),
+    );
     let needed = estimate.bytes(loader.batch_size) as f64 / f64::from(1 << 30);
     ui.note(&format!("memory: about {needed:.1} GiB"));
     if request.device == "cpu"
