@@ -6,6 +6,7 @@ train.py table OURS THEIRS         from the lines of several runs
 """
 
 import json
+import math
 import os
 import statistics
 import sys
@@ -17,6 +18,8 @@ from network import PATCH, Network
 from safetensors.torch import load_file, save_file
 from torch.nn import functional as F
 
+# Minus the logarithm of the smallest probability of a match.
+LARGEST = 8 * math.log(10)
 PARTS = ["encode", "forward", "loss", "backward", "optimizer"]
 
 
@@ -63,7 +66,7 @@ def loss_of(outputs, batch):
         a, b = (o[2][item].flatten(0, 1)[p] for o, p in zip(outputs, pixels))
         similarity = a @ b.T / 0.05
         matched = similarity.diagonal()
-        each = (similarity.logsumexp(0) - matched) + (similarity.logsumexp(1) - matched)
+        each = sum((similarity.logsumexp(dim) - matched).clamp(max=LARGEST) for dim in (0, 1))
         confidence = sum(o[3][item].flatten()[p] for o, p in zip(outputs, pixels)) / 2
         losses.append(each[valid])
         weights.append(confidence[valid])

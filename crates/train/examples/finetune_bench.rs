@@ -159,7 +159,7 @@ fn main() {
     let mut watch = Watch::start();
     // What `features` keeps, `learn` finds: so the encoder is timed by itself.
     let mut network = ModelNetwork::new(model(preset, args.get(5)), Frozen::Encoder, keep, None, "a bench")
-        .with_encoding_cache(1 << 30);
+        .with_encoding_cache(64 << 20);
     watch.lap("load");
     let settings = TrainSettings { recompute, ..TrainSettings::default() };
     let estimate = MemoryEstimate::new(&network, &settings, [height, width], MATCHES, 1);
