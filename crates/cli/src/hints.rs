@@ -35,7 +35,7 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
         }
         #[cfg(feature = "train")]
         if let Some(error) = cause.downcast_ref::<selenograph_train::Error>() {
-            return error.hint().map(str::to_owned);
+            return train(error);
         }
         #[cfg(feature = "train")]
         if let Some(error) = cause.downcast_ref::<selenograph_model::Error>() {
@@ -119,7 +119,7 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
         Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
         Error::Unusable { .. } => some(
-            "`selenograph data check` says what is wrong with a dataset; `faults = \"replace\"` trains without such pairs",
+            "`selenograph data check` says what is wrong with a dataset; `train run --skip-faulty` learns without such pairs",
         ),
         _ => None,
     }
@@ -167,6 +167,17 @@ fn evaluate(error: &selenograph_evaluate::Error) -> Option<String> {
         Error::Reconstruct(error) => reconstruct(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint(),
+    }
+}
+
+#[cfg(feature = "train")]
+fn train(error: &selenograph_train::Error) -> Option<String> {
+    use selenograph_train::Error;
+    match error {
+        Error::Network(error) => network(error),
+        Error::Dataset(error) => dataset(error),
+        Error::Io { action: "read", source, .. } => io(source.kind()),
+        _ => error.hint().map(str::to_owned),
     }
 }
 

@@ -115,14 +115,14 @@ impl Error {
             Self::Report(error) => error.hint(),
             Self::Model(error) => error.hint(),
             Self::Engine(error) => error.hint(),
-            Self::Io { action: "write", .. } => {
-                Some("is there space, and may you write there? the last checkpoint is whole")
-            }
+            Self::Io { action: "write", .. } => Some(
+                "is there space, and may you write there? the last checkpoint is whole: `train resume` goes on from it",
+            ),
             Self::Io { .. } | Self::Layers(_) | Self::Dataset(_) => None,
             Self::Batch { .. } => {
                 Some("give each batch pairs of one size; `matches.count` holds for all sources")
             }
-            Self::Settings { .. } => Some("`train presets NAME` prints every key with its value"),
+            Self::Settings { .. } => Some("`train run … --dry-run` prints every key with its value"),
             Self::Diverged { .. } => {
                 Some("a smaller learning rate, or `clip`; the last checkpoint is from before")
             }

@@ -8,7 +8,9 @@ use std::path::PathBuf;
 pub enum TrainCommand {
     /// Trains a network on pairs and leaves checkpoints, curves and a page
     #[command(
-        after_help = "Example:\n  selenograph train run --preset paper-iccv2025 --weights mast3r.safetensors --data dataset --val held_out --out run"
+        after_help = "Settings, layer over layer: the defaults (the paper's numbers, views unchanged), --preset, --settings, then single keys.\n\
+            --dry-run prints all of them. --data, --triplets and --campaign may be mixed. Ctrl-C ends the run at its next step,\n\
+            with a checkpoint.\n\nExample:\n  selenograph train run --preset paper-iccv2025 --weights mast3r.safetensors --data dataset --val held_out --out run"
     )]
     Run(Box<Run>),
     /// Goes on where a run stopped, or was killed
@@ -46,7 +48,7 @@ pub struct Run {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Settings")]
 pub struct SettingsChoice {
-    /// Settings that come with the program
+    /// Settings that come with the program: paper-iccv2025 fine-tunes the published network, from-scratch begins anew
     #[arg(long, value_name = "NAME")]
     pub preset: Option<String>,
     /// Settings file (TOML)
@@ -73,7 +75,7 @@ pub struct Start {
     /// Weights to begin with, .pth or safetensors
     #[arg(long, value_name = "FILE", required_unless_present = "network")]
     pub weights: Option<PathBuf>,
-    /// Begin with a network that has learnt nothing: base, small or tiny
+    /// Begin with a network that has learnt nothing: base, small, tiny or hybrid
     #[arg(long, value_name = "NAME", conflicts_with = "weights")]
     pub network: Option<String>,
     /// Weights of a network whose predictions stand in for the truth
@@ -91,13 +93,19 @@ pub struct Pairs {
     /// Folder of the paper's triplets to learn from; may be repeated
     #[arg(long, value_name = "DIR")]
     pub triplets: Vec<PathBuf>,
+    /// Which of them: train.npz for one --triplets, or for one --data what `data split` wrote, whose other part is held out
+    #[arg(long, value_name = "FILE")]
+    pub split: Option<PathBuf>,
+    /// Pairs of one --triplets that are held out: val.npz
+    #[arg(long, value_name = "FILE", requires = "triplets")]
+    pub val_split: Option<PathBuf>,
     /// Campaign whose pairs are rendered while learning: a file, or the name of a preset
     #[arg(long, value_name = "CAMPAIGN", requires = "terrain")]
     pub campaign: Option<String>,
     /// Its terrain, a folder made by `dem import`
     #[arg(long, value_name = "DIR", requires = "campaign")]
     pub terrain: Option<PathBuf>,
-    /// Dataset folder of held-out ground; may be repeated
+    /// Dataset folder of held-out ground, which the network is judged on; may be repeated
     #[arg(long, value_name = "DIR")]
     pub val: Vec<PathBuf>,
     /// Learn although pairs to learn from see held-out ground
@@ -115,7 +123,7 @@ pub struct Means {
     /// Time that it may take, such as 25min or 2h; the steps are sized to it
     #[arg(long = "for", value_name = "TIME", value_parser = seconds)]
     pub budget_s: Option<f64>,
-    /// What computes
+    /// What computes: cpu, or with features cuda and wgpu a graphics card
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: String,
 }

@@ -17,4 +17,8 @@ mod photometry;
 mod program;
 mod reconstruct;
 mod tiff;
+#[cfg(feature = "train")]
+mod train_input;
+#[cfg(all(feature = "train", unix))]
+mod train_runs;
 mod weights;

@@ -11,6 +11,15 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// What a program that has ended said.
+    pub fn of(output: &Output) -> Self {
+        Self {
+            code: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        }
+    }
+
     /// The JSON on stdout.
     pub fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
@@ -60,20 +69,18 @@ impl Place {
     }
 
     pub fn run_args(&self, args: &[&str]) -> Answer {
-        let output: Output = Command::new(env!("CARGO_BIN_EXE_selenograph"))
-            .args(args)
-            .current_dir(self.dir.path())
-            .env_remove("SELENOGRAPH_SEED")
-            .env_remove("SELENOGRAPH_THREADS")
-            .env_remove("SELENOGRAPH_WEIGHTS")
-            .env_remove("RUST_BACKTRACE")
-            .output()
-            .unwrap();
-        Answer {
-            code: output.status.code().unwrap_or(-1),
-            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
-            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        let mut command = self.command(env!("CARGO_BIN_EXE_selenograph"));
+        Answer::of(&command.args(args).output().unwrap())
+    }
+
+    /// A program in this folder, away from the settings of whoever runs the tests.
+    pub fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.dir.path());
+        for name in ["SELENOGRAPH_SEED", "SELENOGRAPH_THREADS", "SELENOGRAPH_WEIGHTS", "RUST_BACKTRACE"] {
+            command.env_remove(name);
         }
+        command
     }
 
     /// Names of everything in the folder, hidden files too.

@@ -140,6 +140,53 @@ impl Source {
         }
     }
 
+    /// Whether any of its pairs has depth.
+    pub fn has_truth(&self) -> bool {
+        match &self.kind {
+            Kind::Pairs(pairs) => {
+                pairs.iter().any(|(_, folder)| folder.join(truth_name(ViewName::A)).is_file())
+            }
+            Kind::Triplets(..) | Kind::Flight(_) => true,
+        }
+    }
+
+    /// Looks whether every picture and every camera is there, without reading them.
+    ///
+    /// # Errors
+    /// [`Error::Unusable`] for the first that is missing, [`Error::Io`] and [`Error::Format`] for a broken `pair.json`.
+    pub fn check_files(&self) -> Result<(), Error> {
+        let there = |id: u64, path: PathBuf| {
+            let why = || format!("`{}` is missing", path.display());
+            if path.is_file() {
+                Ok(())
+            } else {
+                Err(unusable(format!("pair {id} of `{}`", self.name), why()))
+            }
+        };
+        match &self.kind {
+            Kind::Pairs(pairs) => {
+                for (id, folder) in pairs {
+                    let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
+                    for view in ViewName::BOTH {
+                        there(*id, folder.join(camera_name(view)))?;
+                        for light_idx in 0..record.suns.len() {
+                            there(*id, folder.join(image_name(view, light_idx)))?;
+                        }
+                    }
+                }
+            }
+            Kind::Triplets(items, _) => {
+                for item in items {
+                    for path in item.geometry.iter().chain(&item.lights).flatten() {
+                        there(item.pair_id, path.clone())?;
+                    }
+                }
+            }
+            Kind::Flight(_) => {}
+        }
+        Ok(())
+    }
+
     /// The pair's name in messages.
     pub(super) fn label(&self, draw: &Draw) -> String {
         let id = match &self.kind {

@@ -147,7 +147,7 @@ fn refused(error: &toml::de::Error) -> Error {
 }
 
 /// The name nearest to the unknown one in serde's "unknown field `x`, expected one of `a`, `b`".
-fn suggestion(message: &str) -> Option<String> {
+pub fn suggestion(message: &str) -> Option<String> {
     if !message.contains("unknown ") {
         return None;
     }

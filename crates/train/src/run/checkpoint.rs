@@ -106,7 +106,11 @@ impl Checkpoints {
         let target = self.folder.join(name);
         let partial = self.folder.join(format!(".{name}"));
         let copied = std::fs::copy(&source, &partial).and_then(|_| std::fs::rename(&partial, &target));
-        copied.map_err(Error::io("write", &target))
+        copied.map_err(|error| {
+            // As in `save`.
+            let _ = std::fs::remove_file(&partial);
+            Error::io("write", &target)(error)
+        })
     }
 
     /// The whole ones, oldest first.
@@ -133,7 +137,8 @@ impl Checkpoints {
         Ok(self.last()?.join(WEIGHTS))
     }
 
-    fn last(&self) -> Result<PathBuf, Error> {
+    /// The last one.
+    pub(super) fn last(&self) -> Result<PathBuf, Error> {
         self.list()?
             .pop()
             .ok_or_else(|| Error::Resume { path: self.folder.clone(), what: "it holds no checkpoint".into() })

@@ -80,6 +80,8 @@ pub struct Trainer<'a> {
     pub(super) average: Option<WeightAverage>,
     pub(super) state: RunState,
     checkpoints: Checkpoints,
+    /// The last checkpoint and its step.
+    saved: Option<(u64, PathBuf)>,
     metrics: MetricsFile,
     events: EventWriter,
     /// Clock at the start of this sitting, earlier sittings taken off.
@@ -116,7 +118,7 @@ impl<'a> Trainer<'a> {
             loss_scale: settings.loss_scaling.then(LossScale::default),
             ..RunState::default()
         };
-        Self::stand(folder, settings, hands, AdamW::new(settings.optimizer), BTreeMap::new(), state)
+        Self::stand(folder, settings, hands, (AdamW::new(settings.optimizer), BTreeMap::new()), state, None)
     }
 
     /// The run in `folder` as its last checkpoint left it. The network holds [`Checkpoints::last_weights`] and the source
@@ -130,22 +132,24 @@ impl<'a> Trainer<'a> {
         let device = hands.network.device();
         let optimizer = saved.last_optimizer(settings.optimizer, &state, &device)?;
         let average = saved.last_average(&device)?;
-        Self::stand(folder, settings, hands, optimizer, average, state)
+        let last = (state.step, saved.last()?);
+        Self::stand(folder, settings, hands, (optimizer, average), state, Some(last))
     }
 
     fn stand(
         folder: &Path,
         settings: &'a TrainSettings,
         hands: Hands<'a>,
-        optimizer: AdamW,
-        averaged: BTreeMap<String, Tensor<1>>,
+        (optimizer, averaged): (AdamW, BTreeMap<String, Tensor<1>>),
         state: RunState,
+        saved: Option<(u64, PathBuf)>,
     ) -> Result<Self, Error> {
         settings.check()?;
         std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
         let now = (hands.clock)();
         Ok(Self {
             checkpoints: checkpoints(folder, settings),
+            saved,
             average: settings.average_decay.map(|decay| WeightAverage::new(decay, hands.network, averaged)),
             metrics: MetricsFile::open(&metrics_path(folder), state.step)?,
             events: EventWriter::create(&folder.join("tensorboard"), now)?,
@@ -168,7 +172,8 @@ impl<'a> Trainer<'a> {
     /// [`Error::Diverged`], [`Error::BudgetTooShort`], what source and network say, and [`Error::Io`] if the last
     /// checkpoint cannot be written.
     pub fn run(mut self) -> Result<RunState, Error> {
-        if self.state.step == 0 {
+        let first = self.state.step;
+        if first == 0 {
             // Also tells, before time is spent, that the folder can take one.
             self.save()?;
         }
@@ -180,15 +185,13 @@ impl<'a> Trainer<'a> {
                 self.validate()?;
             }
             let is_due = self.elapsed_s() - self.saved_at_s >= 60.0 * self.settings.checkpoint.every_min;
-            if !is_last
-                && is_due
-                && let Err(error) = self.save()
-            {
-                (self.hands.observer)(Event::NotSaved(&error))?;
-                self.saved_at_s = self.elapsed_s();
+            if !is_last && is_due {
+                let saved = self.save();
+                self.tell_if_lost(saved)?;
             }
         }
-        if self.is_over() {
+        // A run that ended before has been judged.
+        if self.is_over() && self.state.step > first {
             self.validate()?;
         }
         self.save()?;
@@ -290,15 +293,31 @@ impl<'a> Trainer<'a> {
         if let Record::Validation(found) = &record {
             (self.hands.observer)(Event::Validation(found))?;
             if is_best {
-                self.state.best_score = Some(found.score);
-                let saved = self.save()?;
-                self.checkpoints.keep_weights(&saved, BEST)?;
+                let before = self.state.best_score.replace(found.score);
+                let saved = self.save();
+                let kept = saved.and_then(|saved| self.checkpoints.keep_weights(&saved, BEST));
+                if !self.tell_if_lost(kept)? {
+                    self.state.best_score = before;
+                }
             }
         }
         Ok(())
     }
 
+    /// Tells of a checkpoint that could not be written, and whether it was.
+    fn tell_if_lost<T>(&mut self, saved: Result<T, Error>) -> Result<bool, Error> {
+        if let Err(error) = &saved {
+            (self.hands.observer)(Event::NotSaved(error))?;
+            self.saved_at_s = self.elapsed_s();
+        }
+        Ok(saved.is_ok())
+    }
+
+    /// A checkpoint, unless this step has one.
     fn save(&mut self) -> Result<PathBuf, Error> {
+        if let Some((_, path)) = self.saved.as_ref().filter(|(step, _)| *step == self.state.step) {
+            return Ok(path.clone());
+        }
         let began_s = self.elapsed_s();
         let path = self.checkpoints.save(Saved {
             network: self.hands.network,
@@ -308,6 +327,7 @@ impl<'a> Trainer<'a> {
         })?;
         self.saved_at_s = self.elapsed_s();
         self.save_s = self.saved_at_s - began_s;
+        self.saved = Some((self.state.step, path.clone()));
         (self.hands.observer)(Event::Saved(&path))?;
         Ok(path)
     }

@@ -3,6 +3,7 @@
 mod progress;
 mod request;
 mod sources;
+mod stop;
 
 use super::clock::since_1970;
 use crate::args::train::{Presets, Resume, Run, TrainCommand};
@@ -12,8 +13,8 @@ use crate::ui::Ui;
 use anyhow::Context;
 use progress::Teller;
 use request::Request;
-use selenograph_dataset::loader::Mixture;
 use selenograph_model::device;
+use selenograph_train::Error;
 use selenograph_train::batch::HostBatch;
 use selenograph_train::network::PairNetwork;
 use selenograph_train::run::feed::{LoaderFeed, held_out};
@@ -23,6 +24,7 @@ use selenograph_train::run::preset::{PRESETS, preset_text};
 use selenograph_train::run::{Hands, Trainer, Validate, checkpoints, metrics, metrics_path, validation};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// The page of a run.
 const PAGE: &str = "training.html";
@@ -59,31 +61,31 @@ fn start(args: &Run, ui: &Ui) -> anyhow::Result<Outcome> {
             "`selenograph train resume` goes on with a run; or pass another --out",
         ));
     }
-    let request = Request::from_args(args)?;
+    let mut request = Request::from_args(args)?;
     if args.dry_run {
         ui.data(request.to_toml()?.trim_end())?;
         return Ok(Outcome::Done);
     }
-    let weights = request.first_weights.clone();
-    carry_out(&request, weights.as_deref(), &args.out, false, ui)
+    request.take_down_inputs()?;
+    carry_out(&request, None, &args.out, ui)
 }
 
 fn resume(args: &Resume, ui: &Ui) -> anyhow::Result<Outcome> {
     let request = Request::read(&args.run)?;
-    let weights = checkpoints(&args.run, &request.settings.learning).last_weights()?;
-    carry_out(&request, Some(&weights), &args.run, true, ui)
+    for path in request.changed_inputs()? {
+        ui.note(&format!("warning: `{path}` is not what the run began with"));
+    }
+    let saved = checkpoints(&args.run, &request.settings.learning);
+    // One that was killed before its first checkpoint begins again.
+    let last = if saved.list()?.is_empty() { None } else { Some(saved.last_weights()?) };
+    carry_out(&request, last.as_deref(), &args.run, ui)
 }
 
-fn carry_out(
-    request: &Request,
-    weights: Option<&Path>,
-    folder: &Path,
-    resumes: bool,
-    ui: &Ui,
-) -> anyhow::Result<Outcome> {
+/// Runs from the weights of the last checkpoint, or from the beginning.
+fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> anyhow::Result<Outcome> {
     let settings = &request.settings;
     let device = device::parse(&request.device)?;
-    let mut network = request.network(weights, &device, ui)?;
+    let mut network = request.network(last.or(request.first_weights.as_deref()), &device, ui)?;
     let teacher = request.teacher(&device, ui)?;
     let assembly = request.assembly();
     let (learn, judge) = sources::mixtures(request, ui)?;
@@ -92,19 +94,19 @@ fn carry_out(
         Some(mixture) => held_out(mixture, settings.learning.validation.pairs, &assembly)?,
         None => Vec::new(),
     };
-    if !resumes {
-        request.write(folder)?;
-    }
-    let first = if resumes { checkpoints(folder, &settings.learning).last_state()?.batches } else { 0 };
-    let learn: Arc<Mixture> = Arc::new(learn);
+    let first = match last {
+        Some(_) => checkpoints(folder, &settings.learning).last_state()?.batches,
+        None => 0,
+    };
     let complain = ui.without_notes();
     let tell = move |reason: &str| complain.detail(&format!("left out: {reason}"));
-    let mut feed = LoaderFeed::start(learn, first, assembly, Box::new(tell))?;
+    let mut feed = LoaderFeed::start(Arc::new(learn), first, assembly, Box::new(tell))?;
     let mut teller = Teller::new(ui);
     let mut judge = |network: &dyn PairNetwork, step: u64| validation::judge(network, &held, step);
     let validate: Option<Box<Validate<'_>>> = if held.is_empty() { None } else { Some(Box::new(&mut judge)) };
     let began = since_1970();
     let since = std::time::Instant::now();
+    let asked = stop::on_request()?;
     let hands = Hands {
         network: &mut network,
         source: &mut feed,
@@ -113,41 +115,72 @@ fn carry_out(
         validate,
         clock: &|| began + since.elapsed(),
         budget_s: request.budget_s,
-        stops: &|| false,
+        stops: &|| asked.load(Ordering::Relaxed),
         observer: &mut |event| teller.tell(&event),
     };
+    if last.is_none() {
+        request.write(folder)?;
+    }
     let learning = &settings.learning;
-    let trainer = if resumes {
-        Trainer::resume(folder, learning, hands)?
-    } else {
-        Trainer::start(folder, learning, hands)?
+    let trainer = match last {
+        Some(_) => Trainer::resume(folder, learning, hands),
+        None => Trainer::start(folder, learning, hands),
     };
-    let ended = trainer.run();
+    let ended = trainer.and_then(Trainer::run);
     teller.finish();
-    let records = metrics::read(&metrics_path(folder))?;
-    let samples = match held.first() {
-        Some(batch) => sample(&network, batch)?,
-        None => Vec::new(),
-    };
-    let title = format!("Training: {}", folder.display());
-    let path = folder.join(PAGE);
-    std::fs::write(&path, page(&title, &request.to_toml()?, &records, &samples))
-        .with_context(|| format!("cannot write `{}`", path.display()))?;
+    let page = write_page(request, folder, &network, held.first());
+    if let Err(error) = &ended
+        && last.is_none()
+        && is_worthless(error, folder)
+    {
+        // It would only be in the way of the next.
+        let _ = std::fs::remove_dir_all(folder);
+    }
     let state = ended?;
-    ui.note(&format!(
-        "{} steps in {:.0} s; weights: {}; curves: {}",
-        state.step,
-        state.elapsed_s,
-        checkpoints(folder, learning).last_weights()?.display(),
-        path.display()
-    ));
+    page?;
+    let weights = checkpoints(folder, learning).last_weights()?;
+    let (step, elapsed_s) = (state.step, state.elapsed_s);
+    let page = folder.join(PAGE);
+    let (weights, page) = (weights.display(), page.display());
+    ui.note(&format!("{step} steps in {elapsed_s:.0} s; weights: {weights}; curves: {page}"));
+    if asked.load(Ordering::Relaxed) {
+        ui.note(&format!("stopped; `selenograph train resume {}` goes on", folder.display()));
+    }
     Ok(Outcome::Done)
 }
 
 /// Batches of a step at the same time: a graphics card fills itself, cores are filled by more batches.
 fn at_a_time(request: &Request) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    if request.device == "cpu" { cores } else { 1 }
+    let batches = request.settings.learning.accumulate;
+    if request.device == "cpu" { cores.min(batches) } else { 1 }
+}
+
+/// Whether what a new run leaves behind, ending like this, is of use to nobody.
+fn is_worthless(error: &Error, folder: &Path) -> bool {
+    match error {
+        Error::Diverged { .. } => false,
+        Error::BudgetTooShort { .. } => true,
+        _ => metrics::read(&metrics_path(folder)).is_ok_and(|records| records.is_empty()),
+    }
+}
+
+/// Curves, settings and pictures of one held-out batch in one file.
+fn write_page(
+    request: &Request,
+    folder: &Path,
+    network: &dyn PairNetwork,
+    held: Option<&HostBatch>,
+) -> anyhow::Result<()> {
+    let records = metrics::read(&metrics_path(folder))?;
+    let samples = match held {
+        Some(batch) => sample(network, batch)?,
+        None => Vec::new(),
+    };
+    let title = format!("Training: {}", folder.display());
+    let page = page(&title, &request.to_toml()?, &records, &samples);
+    let path = folder.join(PAGE);
+    std::fs::write(&path, page).with_context(|| format!("cannot write `{}`", path.display()))
 }
 
 /// Refuses, before time is spent, what would not fit into this machine's memory.

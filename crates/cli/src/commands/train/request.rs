@@ -1,7 +1,9 @@
 //! What was asked for, kept in the run's folder so that it can be gone on with.
 
 use crate::args::train::Run;
+use crate::commands::run_record::checksums;
 use crate::exit::refuse;
+use crate::target;
 use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_model::{Device, Keep, Model};
@@ -12,6 +14,7 @@ use selenograph_train::run::Precision;
 use selenograph_train::run::preset::{RunSettings, preset_text};
 use selenograph_train::{Frozen, ModelNetwork};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The file of a request in a run's folder.
@@ -26,12 +29,19 @@ pub struct Request {
     pub teacher: Option<PathBuf>,
     pub data: Vec<PathBuf>,
     pub triplets: Vec<PathBuf>,
+    #[serde(default)]
+    pub split: Option<PathBuf>,
+    #[serde(default)]
+    pub val_split: Option<PathBuf>,
     pub campaign: Option<String>,
     pub terrain: Option<PathBuf>,
     pub val: Vec<PathBuf>,
     pub allow_leak: bool,
     pub budget_s: Option<f64>,
     pub device: String,
+    /// Files that decide what is learnt, with their BLAKE3.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, String>,
     pub settings: RunSettings,
 }
 
@@ -49,12 +59,15 @@ impl Request {
             teacher: args.start.teacher.as_ref().map(absolute).transpose()?,
             data: all(&args.pairs.data)?,
             triplets: all(&args.pairs.triplets)?,
+            split: args.pairs.split.as_ref().map(absolute).transpose()?,
+            val_split: args.pairs.val_split.as_ref().map(absolute).transpose()?,
             campaign: args.pairs.campaign.clone(),
             terrain: args.pairs.terrain.as_ref().map(absolute).transpose()?,
             val: all(&args.pairs.val)?,
             allow_leak: args.pairs.allow_leak,
             budget_s: args.means.budget_s,
             device: args.means.device.clone(),
+            inputs: BTreeMap::new(),
             settings: settings(args)?,
         })
     }
@@ -77,8 +90,42 @@ impl Request {
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
-        let path = folder.join(FILE);
-        std::fs::write(&path, self.to_toml()?).with_context(|| format!("cannot write `{}`", path.display()))
+        target::write_file(&folder.join(FILE), true, self.to_toml()?.as_bytes())
+    }
+
+    /// Takes down the checksums of what is read.
+    ///
+    /// # Errors
+    /// Files that cannot be read.
+    pub fn take_down_inputs(&mut self) -> anyhow::Result<()> {
+        self.inputs = checksums(&self.files(self.first_weights.iter()))?;
+        Ok(())
+    }
+
+    /// Files that are not what the run began with; its first weights are not needed again.
+    ///
+    /// # Errors
+    /// Files that cannot be read.
+    pub fn changed_inputs(&self) -> anyhow::Result<Vec<String>> {
+        let now = checksums(&self.files(None))?;
+        let is_other = |path: &String, sum: &String| self.inputs.get(path).is_some_and(|then| then != sum);
+        Ok(now.into_iter().filter(|(path, sum)| is_other(path, sum)).map(|(path, _)| path).collect())
+    }
+
+    /// What a checksum can be taken of in little time: a dataset's own record, not its pictures.
+    fn files<'a>(&'a self, weights: impl IntoIterator<Item = &'a PathBuf>) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = weights.into_iter().chain(&self.teacher).cloned().collect();
+        files.extend(self.split.iter().chain(&self.val_split).cloned());
+        let campaign = self.campaign.iter().map(PathBuf::from);
+        let records = self
+            .data
+            .iter()
+            .chain(&self.val)
+            .flat_map(|folder| ["run.toml", "campaign.toml", "plan.csv"].map(|name| folder.join(name)));
+        let terrain = self.terrain.iter().map(|folder| folder.join("terrain.json"));
+        // A preset's name is no file, and imported datasets have no plan.
+        files.extend(campaign.chain(records).chain(terrain).filter(|path| path.is_file()));
+        files
     }
 
     /// As a file.
@@ -147,6 +194,12 @@ impl Request {
 fn read(path: &Path, device: &Device) -> anyhow::Result<(Model, Option<String>)> {
     let checkpoint = Checkpoint::open(path)?;
     checkpoint.check_complete()?;
+    if checkpoint.config().descriptor_dim.is_none() {
+        return Err(refuse(
+            format!("`{}` is a network without descriptors", path.display()),
+            "begin with weights of the MASt3R family, or with --network; DUSt3R's have no descriptors to learn",
+        ));
+    }
     let mut source = |name: &str| Ok(checkpoint.read_with_shape(name)?);
     let model = Model::new(checkpoint.config(), device, &mut source)?;
     Ok((model, checkpoint.license().map(str::to_owned)))

@@ -5,27 +5,40 @@ use crate::exit::refuse;
 use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_dataset::augment::Augmentation;
-use selenograph_dataset::loader::{LoaderOptions, Mixture, Source, shared_ground};
+use selenograph_dataset::loader::{Faults, LoaderOptions, Mixture, Source, shared_ground};
 use selenograph_dataset::plan::Campaign;
 use selenograph_dataset::plan::preset::preset_text;
+use selenograph_dataset::split::Split;
 use selenograph_geometry::pixel::PixelConvention;
 use selenograph_terrain::Terrain;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Pairs to learn from and, where there are any, held-out ones.
 ///
 /// # Errors
-/// Folders without pairs; pairs to learn from that see held-out ground, unless that is allowed.
+/// Folders without pairs, or with missing files; no truth to learn from; pairs to learn from that see held-out ground,
+/// unless that is allowed.
 pub fn mixtures(request: &Request, ui: &Ui) -> anyhow::Result<(Mixture, Option<Mixture>)> {
-    let val: Vec<Source> = request.val.iter().map(|path| pairs(path)).collect::<anyhow::Result<_>>()?;
-    let mut learn: Vec<Source> =
-        request.data.iter().map(|path| pairs(path)).collect::<anyhow::Result<_>>()?;
-    for path in &request.triplets {
-        learn.push(Source::triplets(&name(path), path, None, PixelConvention::Center)?);
+    let mut val: Vec<Source> = all(&request.val)?;
+    let mut learn = match &request.split {
+        None => all(&request.data)?.into_iter().chain(all_triplets(&request.triplets)?).collect(),
+        Some(file) => divided(request, file, &mut val)?,
+    };
+    if let Some(file) = &request.val_split {
+        val.push(triplets(only(&request.triplets, "--val-split")?, Some(file))?);
     }
     if let (Some(campaign), Some(terrain)) = (&request.campaign, &request.terrain) {
         learn.push(flight(campaign, terrain, &val)?);
+    }
+    if request.teacher.is_none() && !learn.iter().any(Source::has_truth) {
+        return Err(refuse(
+            format!("`{}` holds no depth: there is nothing to learn from", request.data[0].display()),
+            "pass a dataset with truth maps, or a network that knows with --teacher",
+        ));
+    }
+    if request.settings.loader.faults == Faults::Refuse {
+        learn.iter().chain(&val).try_for_each(Source::check_files)?;
     }
     let leaks = ui.timed("look for shared ground", || shared_ground(&learn, &val))?;
     if let Some(leak) = leaks.first() {
@@ -52,8 +65,49 @@ pub fn mixtures(request: &Request, ui: &Ui) -> anyhow::Result<(Mixture, Option<M
     Ok((Mixture::new(learn, options.clone())?, judge))
 }
 
-fn pairs(path: &Path) -> anyhow::Result<Source> {
-    Ok(Source::pairs(&name(path), path, None)?)
+fn all(folders: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
+    folders.iter().map(|path| Ok(Source::pairs(&name(path), path, None)?)).collect()
+}
+
+fn all_triplets(folders: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
+    folders.iter().map(|path| triplets(path, None)).collect()
+}
+
+fn triplets(path: &Path, split: Option<&PathBuf>) -> anyhow::Result<Source> {
+    Ok(Source::triplets(&name(path), path, split.map(PathBuf::as_path), PixelConvention::Center)?)
+}
+
+/// The part of one folder that a split file names; what it holds out goes to `val`.
+fn divided(request: &Request, file: &Path, val: &mut Vec<Source>) -> anyhow::Result<Vec<Source>> {
+    if file.extension().is_some_and(|extension| extension == "npz") {
+        let folder = only(&request.triplets, "--split")?;
+        let mut learn = all(&request.data)?;
+        learn.push(triplets(folder, Some(&file.to_owned()))?);
+        return Ok(learn);
+    }
+    let folder = only(&request.data, "--split")?;
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read `{}`", file.display()))?;
+    let split: Split = serde_json::from_str(&text).map_err(|error| {
+        refuse(
+            format!("`{}` is no split: {error}", file.display()),
+            "pass train.npz of triplets, or what `data split` wrote",
+        )
+    })?;
+    val.push(Source::pairs(&name(folder), folder, Some(&split.val))?);
+    let mut learn = all_triplets(&request.triplets)?;
+    learn.push(Source::pairs(&name(folder), folder, Some(&split.train))?);
+    Ok(learn)
+}
+
+/// The one folder that a split divides.
+fn only<'a>(folders: &'a [PathBuf], flag: &str) -> anyhow::Result<&'a Path> {
+    match folders {
+        [one] => Ok(one),
+        others => Err(refuse(
+            format!("{flag} divides one folder, and {} are given", others.len()),
+            "pass one --data with a .json of `data split`, or one --triplets with an .npz",
+        )),
+    }
 }
 
 /// A campaign over a terrain, kept off held-out ground.
