@@ -110,6 +110,9 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
                 .unwrap_or("`selenograph config show` prints every key with its value and where it came from")
                 .to_owned(),
         ),
+        Error::Value { key, .. } if key.starts_with("loader.") => {
+            some("`selenograph train run … --dry-run` prints every key with its value")
+        }
         Error::Value { .. } => {
             some("`selenograph config show` prints every key with its value and where it came from")
         }
@@ -173,12 +176,12 @@ fn evaluate(error: &selenograph_evaluate::Error) -> Option<String> {
 #[cfg(feature = "train")]
 fn train(error: &selenograph_train::Error) -> Option<String> {
     use selenograph_train::Error;
-    match error {
+    error.hint().map(str::to_owned).or_else(|| match error {
         Error::Network(error) => network(error),
         Error::Dataset(error) => dataset(error),
-        Error::Io { action: "read", source, .. } => io(source.kind()),
-        _ => error.hint().map(str::to_owned),
-    }
+        Error::Io { source, .. } => io(source.kind()),
+        _ => None,
+    })
 }
 
 fn io(kind: ErrorKind) -> Option<String> {

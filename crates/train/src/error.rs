@@ -71,7 +71,7 @@ pub enum Error {
         what: String,
     },
     /// Not enough time for a step and a checkpoint.
-    #[error("the budget of {budget_s:.0} s is too short: one step and one checkpoint take {needed_s:.0} s")]
+    #[error("the budget of {budget_s:.1} s is too short: one step and one checkpoint take {needed_s:.1} s")]
     BudgetTooShort {
         /// The budget.
         budget_s: f64,
@@ -111,13 +111,14 @@ impl Error {
     /// What the user can do about it, if anything is known.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
-            Self::Network(error) => error.hint(),
             Self::Report(error) => error.hint(),
             Self::Model(error) => error.hint(),
             Self::Engine(error) => error.hint(),
-            Self::Io { action: "write", .. } => Some(
+            Self::Network(selenograph_network::Error::Io { action: "write", .. })
+            | Self::Io { action: "write", .. } => Some(
                 "is there space, and may you write there? the last checkpoint is whole: `train resume` goes on from it",
             ),
+            Self::Network(error) => error.hint(),
             Self::Io { .. } | Self::Layers(_) | Self::Dataset(_) => None,
             Self::Batch { .. } => {
                 Some("give each batch pairs of one size; `matches.count` holds for all sources")

@@ -37,11 +37,14 @@ fn last_file(run: &Path, file: &str) -> Vec<u8> {
     std::fs::read(checkpoints.join(last).join(file)).unwrap()
 }
 
-/// Kills the run at the moment when `file` of a checkpoint appears, after `steps` further steps. Whether the checkpoint was
-/// then not whole.
-fn killed_while_writing(run: &Path, mut child: Child, steps: usize, file: &str) -> bool {
+/// Goes on with the run and kills it at the moment when `file` of a checkpoint appears, after `steps` further steps. Whether
+/// the checkpoint was then not whole.
+fn killed_while_writing(place: &Place, run: &Path, steps: usize, file: &str) -> bool {
     let writing = run.join("checkpoints/.writing");
+    // What an earlier kill has left would look like a checkpoint of this sitting.
+    let _ = std::fs::remove_dir_all(&writing);
     let first = num_lines(run);
+    let mut child = spawned(place, "train resume broken");
     while num_lines(run) < first + steps || !writing.join(file).exists() {
         assert!(child.try_wait().unwrap().is_none(), "the run came to its end");
     }
@@ -70,8 +73,7 @@ fn a_run_killed_again_and_again_learns_the_same_to_the_last_bit() {
         if num_halves == KILLS {
             break;
         }
-        let child = spawned(&place, "train resume broken");
-        let is_half = killed_while_writing(&run, child, n % 3, files[num_halves]);
+        let is_half = killed_while_writing(&place, &run, n % 3, files[num_halves]);
         num_halves += usize::from(is_half);
         eprintln!("killed after {} lines, checkpoint unfinished: {is_half}", num_lines(&run));
     }

@@ -65,8 +65,10 @@ impl RunSettings {
 /// A parser's refusal in one line, with the nearest known key where an unknown one was used.
 fn told(error: &toml::de::Error, text: &str) -> String {
     let message = error.message().split(", expected one of").next().unwrap_or_default();
-    let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
-    let place = if text.lines().count() > 1 { format!("line {line}: ") } else { String::new() };
+    // What comes from one key on the command line has no lines.
+    let span = error.span().filter(|_| text.lines().count() > 1);
+    let line = span.map(|span| text[..span.start].matches('\n').count() + 1);
+    let place = line.map_or(String::new(), |line| format!("line {line}: "));
     match suggestion(error.message()) {
         Some(nearest) => format!("{place}{message}; did you mean `{nearest}`?"),
         None => format!("{place}{message}"),

@@ -77,10 +77,14 @@ impl Request {
     /// # Errors
     /// A folder that is no run.
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join(FILE);
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("`{}` is no run: cannot read `{FILE}`", folder.display()))?;
-        toml::from_str(&text).with_context(|| format!("cannot read `{}`", path.display()))
+        let is_none = |why: String| {
+            refuse(
+                format!("`{}` is no run of training: `{FILE}`: {why}", folder.display()),
+                "give the folder that `train run --out` made",
+            )
+        };
+        let text = std::fs::read_to_string(folder.join(FILE)).map_err(|error| is_none(error.to_string()))?;
+        toml::from_str(&text).map_err(|error: toml::de::Error| is_none(error.message().to_owned()))
     }
 
     /// Into a run's folder.
