@@ -61,7 +61,7 @@ impl Request {
             triplets: all(&args.pairs.triplets)?,
             split: args.pairs.split.as_ref().map(absolute).transpose()?,
             val_split: args.pairs.val_split.as_ref().map(absolute).transpose()?,
-            campaign: args.pairs.campaign.clone(),
+            campaign: args.pairs.campaign.as_ref().map(|name| place_or_preset(name)).transpose()?,
             terrain: args.pairs.terrain.as_ref().map(absolute).transpose()?,
             val: all(&args.pairs.val)?,
             allow_leak: args.pairs.allow_leak,
@@ -193,6 +193,15 @@ impl Request {
             (None, None) => String::new(),
         }
     }
+}
+
+/// A campaign's file by its whole path, so that a run can be gone on with from anywhere; the name of a preset as it is.
+fn place_or_preset(name: &str) -> anyhow::Result<String> {
+    let path = Path::new(name);
+    if !path.is_file() {
+        return Ok(name.to_owned());
+    }
+    Ok(std::path::absolute(path)?.display().to_string())
 }
 
 fn read(path: &Path, device: &Device) -> anyhow::Result<(Model, Option<String>)> {

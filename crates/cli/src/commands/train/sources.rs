@@ -118,7 +118,7 @@ fn flight(campaign: &str, terrain: &Path, val: &[Source]) -> anyhow::Result<Sour
         preset_text(campaign)?.to_owned()
     };
     let terrain = Arc::new(Terrain::open(terrain)?);
-    let mut source = Source::flight(campaign, Campaign::from_toml(&text)?, terrain)?;
+    let mut source = Source::flight(&name(Path::new(campaign)), Campaign::from_toml(&text)?, terrain)?;
     source.keep_off(val)?;
     Ok(source)
 }
