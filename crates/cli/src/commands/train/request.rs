@@ -175,7 +175,11 @@ impl Request {
         let keep = if learning.recompute { Keep::BlockInputs } else { Keep::Everything };
         let model = model.with_precision(precision);
         let network = ModelNetwork::new(model, learning.frozen, keep, license.as_deref(), &provenance);
-        Ok(network.with_encoding_cache(learning.encoding_cache_mib << 20))
+        let network = network.with_encoding_cache(learning.encoding_cache_mib << 20);
+        Ok(match self.settings.loader.sizes.iter().flatten().max() {
+            Some(side) => network.with_input_px(*side),
+            None => network,
+        })
     }
 
     /// The network whose predictions stand in for the truth.
