@@ -205,7 +205,7 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
 /// `options` only what comes after the matching counts.
 ///
 /// # Errors
-/// As [`sift`].
+/// As [`sift()`].
 pub fn of_matches(
     a: &View,
     b: &View,

@@ -5,6 +5,7 @@
     reason = "a test fails by panicking, and says what it read"
 )]
 
+mod by_heart;
 mod frozen;
 mod goldens;
 mod losses;

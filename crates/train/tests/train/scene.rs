@@ -92,12 +92,17 @@ pub fn config() -> NetworkConfig {
 
 /// That network with random weights.
 pub fn fresh_network(frozen: Frozen) -> ModelNetwork {
-    let layout = Layout::new(&config()).unwrap();
+    random_network(&config(), frozen)
+}
+
+/// A network of these dimensions with random weights.
+pub fn random_network(config: &NetworkConfig, frozen: Frozen) -> ModelNetwork {
+    let layout = Layout::new(config).unwrap();
     let mut random = |name: &str| {
         let spec = layout.get(name).unwrap();
         Ok((spec.shape.clone(), random::values(spec, 3)))
     };
-    let model = Model::new(&config(), &Device::flex(), &mut random).unwrap();
+    let model = Model::new(config, &Device::flex(), &mut random).unwrap();
     ModelNetwork::new(model, frozen, Keep::Everything, None, "a test")
 }
 

@@ -33,7 +33,7 @@ pub fn mixtures(request: &Request, ui: &Ui) -> anyhow::Result<(Mixture, Option<M
     }
     if request.teacher.is_none() && !learn.iter().any(Source::has_truth) {
         return Err(refuse(
-            format!("`{}` holds no depth: there is nothing to learn from", request.data[0].display()),
+            format!("`{}` holds no depth: there is nothing to learn from", names(&learn)),
             "pass a dataset with truth maps, or a network that knows with --teacher",
         ));
     }
@@ -63,6 +63,10 @@ pub fn mixtures(request: &Request, ui: &Ui) -> anyhow::Result<(Mixture, Option<M
     };
     let judge = if val.is_empty() { None } else { Some(Mixture::new(val, judge)?) };
     Ok((Mixture::new(learn, options.clone())?, judge))
+}
+
+fn names(sources: &[Source]) -> String {
+    sources.iter().map(|source| source.name.as_str()).collect::<Vec<_>>().join("`, `")
 }
 
 fn all(folders: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
