@@ -19,7 +19,8 @@ venv=${VENV:-$work/venv}
     "$venv/bin/pip" install -q torch numpy safetensors pillow
 cargo build --release -q --workspace --features selenograph-cli/train --example finetune_bench
 bench="${CARGO_TARGET_DIR:-target}/release/examples/finetune_bench"
-weights=$work/random.safetensors
+# Not the file of run.sh: with it comes the batch.
+weights=$work/training.safetensors
 [ -e "$weights" ] || "$venv/bin/python" benches/torch/train.py make "$weights"
 threads=${THREADS:-1}
 steps=${STEPS:-2}

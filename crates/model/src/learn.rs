@@ -57,8 +57,8 @@ impl Model {
         let tracked = self.tracked(learns);
         if keep == Keep::BlockInputs {
             if self.config().stem_dims.is_some() {
-                let expected = "to keep everything: a network with a stem is small";
-                return Err(Error::views("recomputation", expected, "block inputs only").into());
+                let what = "what is kept of a network with a stem";
+                return Err(Error::views(what, "everything: it is small", "block inputs only").into());
             }
             let gradients = Gradients::none(self.parameters().len());
             let plain = self.tracked(&|_| false);

@@ -107,7 +107,7 @@ pub enum Error {
         found: usize,
     },
     /// No preset of that name.
-    #[error("`{name}` is not a preset; there are mast3r-vitl, base, small, tiny")]
+    #[error("`{name}` is not a preset; there are {}", crate::Preset::ALL.map(crate::Preset::name).join(", "))]
     UnknownPreset {
         /// What was typed.
         name: String,

@@ -59,7 +59,7 @@ fn heads(choice: &NetworkChoice) -> HeadCounts {
 pub fn weights(choice: &NetworkChoice) -> anyhow::Result<&Path> {
     choice.weights.as_deref().ok_or_else(|| {
         refuse(
-            "the method `mast3r` needs the weights of a network",
+            "`mast3r` and `mast3r-stereo` need the weights of a network",
             "pass --weights FILE; `selenograph weights random --preset tiny` makes one that has learnt nothing",
         )
     })
