@@ -36,23 +36,31 @@ pub struct NetworkRecord {
 }
 
 impl NetworkRecord {
-    /// What it does, in one line.
+    /// What it does where its own points are judged, in one line.
     pub fn settings(&self) -> String {
+        format!(
+            "{}; points are the network's, in its own unit; pose: essential matrix of its matches \
+             (a start every {} px, {} px of border; refined), from its points where they do not tell; reference protocol: the 2000 best \
+             matches within the central rows, five-point RANSAC",
+            self.identity(),
+            self.run.subsample_px,
+            self.run.border_px,
+        )
+    }
+
+    /// Which network it is and what it sees, in one line.
+    pub fn identity(&self) -> String {
         let input = match self.run.input {
             Rule::Whole { max_side: Some(side), .. } => format!("the whole picture, at most {side} px"),
             Rule::Whole { max_side: None, .. } => "the whole picture".to_owned(),
             Rule::Published { size, .. } => format!("as published, {size} px, a square cropped to 4:3"),
         };
         format!(
-            "{} `{}` (BLAKE3 {}, licence: {}); input: {input}; points are the network's, in its own unit; pose: essential matrix of its matches \
-             (a start every {} px, {} px of border; refined), from its points where they do not tell; reference protocol: the 2000 best \
-             matches within the central rows, five-point RANSAC",
+            "{} `{}` (BLAKE3 {}, licence: {}); input: {input}",
             self.family,
             self.checkpoint,
             self.blake3.get(..12).unwrap_or(&self.blake3),
             self.license.as_deref().unwrap_or("not stated"),
-            self.run.subsample_px,
-            self.run.border_px,
         )
     }
 }

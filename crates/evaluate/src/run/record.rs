@@ -35,7 +35,10 @@ impl Settings {
     /// What a method does, with which settings, in one line.
     pub fn line_of(&self, method: Method) -> String {
         match &self.network {
-            Some(network) if method.needs_network() => network.settings(),
+            Some(network) if method == Method::Mast3r => network.settings(),
+            Some(network) if method.needs_network() => {
+                format!("{}; {}", network.identity(), method.settings())
+            }
             _ => method.settings().to_owned(),
         }
     }
