@@ -70,7 +70,7 @@ fn weights_and_devices_that_cannot_be() {
     let refused = |line: &str, says: &str, hints: &str| {
         place.run(&format!("{line} --out out -q")).refused(says, hints);
     };
-    refused(&LEARNED.replace("--weights tiny.safetensors", ""), "needs the weights", "--weights");
+    refused(&LEARNED.replace("--weights tiny.safetensors", ""), "need the weights", "--weights");
     refused(&LEARNED.replace("mast3r", "stereo"), "is for the method `mast3r`", "--method mast3r");
     refused(&format!("{LEARNED} --device cuda"), "device `cuda`", "--device cpu");
     refused(
@@ -155,7 +155,7 @@ fn an_evaluation_names_its_network_and_goes_on_with_no_other() {
     place
         .run(&format!("{line} --limit 2 --cross-light=beside -q"))
         .refused("other methods or settings", "--force");
-    place.run("evaluate dataset --method mast3r --out other -q").refused("needs the weights", "--weights");
+    place.run("evaluate dataset --method mast3r --out other -q").refused("need the weights", "--weights");
     place
         .run("evaluate dataset --method plane --weights tiny.safetensors --out other -q")
         .refused("is for the method `mast3r`", "");

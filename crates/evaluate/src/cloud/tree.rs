@@ -22,12 +22,49 @@ struct Cut {
     at: f64,
 }
 
+/// The box around the points of a branch or a leaf.
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+impl Extent {
+    const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+
+    fn around(items: &[Item]) -> Self {
+        items.iter().fold(Self::EMPTY, |mut extent, item| {
+            for axis in 0..3 {
+                extent.low[axis] = extent.low[axis].min(item.at[axis]);
+                extent.high[axis] = extent.high[axis].max(item.at[axis]);
+            }
+            extent
+        })
+    }
+
+    fn longest_axis(&self) -> usize {
+        let side = |axis: usize| self.high[axis] - self.low[axis];
+        (1..3).fold(0, |longest, axis| if side(axis) > side(longest) { axis } else { longest })
+    }
+
+    /// Squared distance to the box.
+    #[inline]
+    fn squared_from(&self, to: [f64; 3]) -> f64 {
+        (0..3)
+            .map(|axis| (self.low[axis] - to[axis]).max(to[axis] - self.high[axis]).max(0.0))
+            .map(|off| off * off)
+            .sum()
+    }
+}
+
 /// A k-d tree. Cut in the middle of the order along the longest side, so that points on one coordinate do no harm.
 #[derive(Debug, Clone)]
 pub struct Tree {
     items: Vec<Item>,
     /// Branches before their children, left before right; all leaves lie on one level.
     cuts: Vec<Cut>,
+    /// In the same order; apart from the cuts, which most searches need alone.
+    extents: Vec<Extent>,
     levels: u32,
 }
 
@@ -46,9 +83,10 @@ impl Tree {
         let mut items: Vec<Item> =
             points.iter().enumerate().map(|(idx, p)| Item { at: [p.x, p.y, p.z], idx: idx as u32 }).collect();
         let levels = items.len().div_ceil(LEAF).max(1).next_power_of_two().trailing_zeros();
-        let mut cuts = vec![Cut::default(); (1 << levels) - 1];
-        build(&mut items, &mut cuts);
-        Self { items, cuts, levels }
+        let num_nodes = (2 << levels) - 1;
+        let (mut cuts, mut extents) = (vec![Cut::default(); num_nodes], vec![Extent::EMPTY; num_nodes]);
+        build(&mut items, &mut cuts, &mut extents);
+        Self { items, cuts, extents, levels }
     }
 
     /// Number of points.
@@ -109,31 +147,34 @@ impl Tree {
     fn visit(&self, to: &Point3<f64>, show: &mut impl FnMut(&Item, f64) -> f64, bound: f64) {
         let to = [to.x, to.y, to.z];
         let mut bound = bound;
-        // Branch, its level, its first item and number of items, and how far it is off along each axis.
+        // Node, its level, its first item and number of items, and how far it is off along each axis.
         let mut stack = [(0usize, 0u32, 0usize, 0usize, [0.0f64; 3]); 40];
         stack[0] = (0, 0, 0, self.items.len(), [0.0; 3]);
         let mut top = 1;
         while top > 0 {
             top -= 1;
-            let (mut branch, mut level, mut first, mut count, off) = stack[top];
-            if off[0] * off[0] + off[1] * off[1] + off[2] * off[2] >= bound {
+            let (mut node, mut level, mut first, mut count, off) = stack[top];
+            // The cuts settle most of it from what is at hand. A point far above a surface, which is cut across only, has all
+            // of it beside itself by the cuts: its box tells.
+            if off[0] * off[0] + off[1] * off[1] + off[2] * off[2] >= bound
+                || self.extents[node].squared_from(to) >= bound
+            {
                 continue;
             }
             while level < self.levels {
-                let cut = self.cuts[branch];
+                let cut = self.cuts[node];
                 let axis = usize::from(cut.axis);
                 let side = to[axis] - cut.at;
                 let half = count / 2;
-                let right_branch = branch + (1 << (self.levels - level - 1));
                 let mut far_off = off;
                 far_off[axis] = side;
-                let left = (branch + 1, first, half);
-                let right = (right_branch, first + half, count - half);
+                let left = (node + 1, first, half);
+                let right = (node + (1 << (self.levels - level)), first + half, count - half);
                 let (near, far) = if side < 0.0 { (left, right) } else { (right, left) };
                 level += 1;
                 stack[top] = (far.0, level, far.1, far.2, far_off);
                 top += 1;
-                (branch, first, count) = near;
+                (node, first, count) = near;
             }
             for item in &self.items[first..first + count] {
                 let (dx, dy, dz) = (item.at[0] - to[0], item.at[1] - to[1], item.at[2] - to[2]);
@@ -146,38 +187,31 @@ impl Tree {
     }
 }
 
-/// Sorts items into their leaves; `cuts` holds one less than a power of two.
-fn build(items: &mut [Item], cuts: &mut [Cut]) {
-    let Some((cut, rest)) = cuts.split_first_mut() else { return };
-    let axis = longest_axis(items);
-    let half = items.len() / 2;
-    let at = if items.is_empty() {
-        0.0
-    } else {
-        items.select_nth_unstable_by(half, |a, b| a.at[axis].total_cmp(&b.at[axis])).1.at[axis]
+/// Sorts items into their leaves; there are as many cuts as extents, one less than a power of two.
+fn build(items: &mut [Item], cuts: &mut [Cut], extents: &mut [Extent]) {
+    let (Some((cut, cuts)), Some((extent, extents))) = (cuts.split_first_mut(), extents.split_first_mut()) else {
+        return;
     };
-    *cut = Cut { axis: axis as u8, at };
+    *extent = Extent::around(items);
+    if cuts.is_empty() {
+        return;
+    }
+    let axis = extent.longest_axis();
+    let half = items.len() / 2;
+    if !items.is_empty() {
+        let middle = items.select_nth_unstable_by(half, |a, b| a.at[axis].total_cmp(&b.at[axis])).1;
+        *cut = Cut { axis: axis as u8, at: middle.at[axis] };
+    }
     let num_items = items.len();
     let (left, right) = items.split_at_mut(half);
-    let (left_cuts, right_cuts) = rest.split_at_mut(rest.len() / 2);
+    let (left_cuts, right_cuts) = cuts.split_at_mut(cuts.len() / 2);
+    let (left_extents, right_extents) = extents.split_at_mut(extents.len() / 2);
     if num_items > PARALLEL {
-        join(|| build(left, left_cuts), || build(right, right_cuts));
+        join(|| build(left, left_cuts, left_extents), || build(right, right_cuts, right_extents));
     } else {
-        build(left, left_cuts);
-        build(right, right_cuts);
+        build(left, left_cuts, left_extents);
+        build(right, right_cuts, right_extents);
     }
-}
-
-fn longest_axis(items: &[Item]) -> usize {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for item in items {
-        for axis in 0..3 {
-            low[axis] = low[axis].min(item.at[axis]);
-            high[axis] = high[axis].max(item.at[axis]);
-        }
-    }
-    let side = |axis: usize| high[axis] - low[axis];
-    (1..3).fold(0, |longest, axis| if side(axis) > side(longest) { axis } else { longest })
 }
 
 #[cfg(test)]
