@@ -7,12 +7,12 @@ use selenograph_engine::matching::{
 };
 use selenograph_geometry::{Point2, pixel};
 use selenograph_network::input::Plan;
-use selenograph_reconstruct::learned::LearnedMatch;
+use selenograph_reconstruct::matching::Match;
 
 /// Matches for the pose, and those of all pixels where they are asked for.
 pub(crate) struct Matches {
-    pub published: Vec<LearnedMatch>,
-    pub dense: Option<Vec<LearnedMatch>>,
+    pub published: Vec<Match>,
+    pub dense: Option<Vec<Match>>,
 }
 
 /// Matches a pair. `backward` is the pair decoded the other way round (B first), where it was.
@@ -22,7 +22,7 @@ pub(crate) fn find(
     plans: [&Plan; 2],
     options: &PredictOptions,
 ) -> Result<Matches, Error> {
-    let placed = |pairs: Vec<PixelPair>| -> Vec<LearnedMatch> {
+    let placed = |pairs: Vec<PixelPair>| -> Vec<Match> {
         let sizes = forward.each_ref().map(|output| (output.width_px, output.height_px));
         let inside = pairs.into_iter().filter(|pair| inside_border(*pair, sizes, options.border_px));
         inside.map(|pair| place(pair, forward, plans)).collect()
@@ -51,7 +51,7 @@ fn described(output: &HeadOutput) -> Described<'_> {
 }
 
 /// Places from the pictures' corners; the score is that of the less sure side, descriptor times point.
-fn place(pair: PixelPair, outputs: &[HeadOutput; 2], plans: [&Plan; 2]) -> LearnedMatch {
+fn place(pair: PixelPair, outputs: &[HeadOutput; 2], plans: [&Plan; 2]) -> Match {
     let [a, b] = [0, 1].map(|k| {
         let [x, y] = pair[k].map(|index| index as usize);
         let at = plans[k].source_from_input(pixel::center_of(x), pixel::center_of(y));
@@ -59,5 +59,5 @@ fn place(pair: PixelPair, outputs: &[HeadOutput; 2], plans: [&Plan; 2]) -> Learn
         let score = outputs[k].descriptor_confidence[idx] * outputs[k].confidence[idx];
         (Point2::new(at[0], at[1]), f64::from(score))
     });
-    LearnedMatch { a: a.0, b: b.0, score: a.1.min(b.1) }
+    Match { a: a.0, b: b.0, score: a.1.min(b.1) }
 }

@@ -5,8 +5,12 @@ use selenograph_geometry::pixel::center_of;
 use selenograph_geometry::{CamA, CamB, Camera, Distortion, Point2, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_pose::relative::{CannotSay, Refinement};
 use selenograph_raster::Raster;
-use selenograph_reconstruct::View;
+use selenograph_reconstruct::learned::Learned;
+use selenograph_reconstruct::matching::Match;
+use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, Options, PoseSource, reconstruct_matched};
+use selenograph_reconstruct::priors::{KnownPose, Priors};
 use selenograph_reconstruct::relative_pose::{OrbOptions, SiftOptions, orb, sift};
+use selenograph_reconstruct::{Error, Fill, View};
 
 /// Windows across the ridge see two planes at once: some times the spread that smooth ground leaves.
 const MAX_ROTATION_DEG: f64 = 0.1;
@@ -151,4 +155,60 @@ fn pictures_that_show_nothing_are_refused() {
             assert!(matches!(orb(x, y, &OrbOptions::default()), Err(CannotSay::TooFewMatches { .. })));
         }
     }
+}
+
+/// Pixels of a matcher that saw the pictures at a third of their size.
+const COARSE_PX: f64 = 3.0;
+
+/// Matches of every fourth coarse pixel, at the middles of coarse pixels, as a network has them.
+fn coarse_matches(a: &View, b: &View, b_from_a: &Rigid3<CamB, CamA>) -> Learned {
+    let middle = |v: f64| ((v / COARSE_PX).floor() + 0.5) * COARSE_PX;
+    let places = (0..32 * 32).map(|k| {
+        let at = |n: usize| COARSE_PX * (4.0 * n as f64 + 0.5);
+        Point2::new(at(k % 32), at(k / 32))
+    });
+    let matched = places.filter_map(|at| {
+        let ray = a.camera.ray_z1(&at)?;
+        let hit = Point3::from(ray * roof(&Point3::origin(), &ray)?);
+        let seen = b.camera.project(&b_from_a.point(&hit))?;
+        let is_inside = seen.x > 0.0 && seen.y > 0.0 && seen.x < 360.0 && seen.y < 400.0;
+        is_inside.then(|| Match { a: at, b: Point2::new(middle(seen.x), middle(seen.y)), score: 1.0 })
+    });
+    Learned { pointmaps: None, matches: matched.collect(), dense_matches: None, match_px: COARSE_PX }
+}
+
+#[test]
+fn coarse_matches_of_a_network_give_the_pose_and_surface_of_subpixel_windows() {
+    let (a, b, truth) = pair();
+    let matches = coarse_matches(&a, &b, &truth);
+    let solve = |matches: &Learned, priors: &Priors, options: &Options| {
+        reconstruct_matched(&a, &b, matches, priors, options, |_| {})
+    };
+    let (nothing, options) = (Priors::default(), Options::default());
+    let found = solve(&matches, &nothing, &options).unwrap();
+    let [rotation, direction] = errors_deg(found.prediction.cam_b_from_cam_a.as_ref().unwrap(), &truth);
+    println!("{rotation:.4}° {direction:.4}° {:?}", found.counts);
+    assert!(rotation < MAX_ROTATION_DEG && direction < MAX_DIRECTION_DEG);
+    assert!(found.counts.matches == matches.matches.len() && found.counts.features == [0, 0]);
+    let views = found.prediction.views.unwrap();
+    let measured = views[0].fill.data.iter().filter(|fill| **fill == Fill::Measured).count();
+    assert!(measured > 384 * 384 / 3, "{measured}");
+    // A given pose: coarse matches agree with it by their own pixels.
+    let known = KnownPose { cam_b_from_cam_a: truth, metric: true };
+    let given = Priors { cam_b_from_cam_a: Some(known), ..Priors::default() };
+    let found = solve(&matches, &given, &options).unwrap();
+    let PoseSource::Given { agreeing, matches: all, .. } = found.pose else { panic!("{:?}", found.pose) };
+    assert!(agreeing == all && found.placement.metric, "{agreeing} of {all}");
+    // A guessed focal length comes from the same matches or is said to be an assumption.
+    let guessed = Options { focal: FocalKnowledge::Guessed, ..Options::default() };
+    let found = solve(&matches, &nothing, &guessed).unwrap();
+    assert!(matches!(found.focal, FocalSource::Estimated { .. } | FocalSource::Assumed { .. }));
+    // Matches that agree with nothing.
+    let mut wrong = matches.clone();
+    for (k, m) in wrong.matches.iter_mut().enumerate() {
+        let anywhere = |seed: i64| center_of((360.0 * hash(k as i64, 0, seed)) as usize);
+        m.b = Point2::new(anywhere(3), anywhere(4));
+    }
+    let refused = solve(&wrong, &nothing, &options);
+    assert!(matches!(refused, Err(Error::CannotSay(_))), "{:?}", refused.map(|found| found.counts));
 }

@@ -4,9 +4,9 @@ use super::weights::Heads;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// The network of the method `mast3r`.
+/// The network of the methods `mast3r` and `mast3r-stereo`.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Network (method mast3r)")]
+#[command(next_help_heading = "Network (methods mast3r and mast3r-stereo)")]
 pub struct NetworkChoice {
     /// Its weights: a checkpoint of the MASt3R or DUSt3R family, .pth or safetensors
     #[arg(long, value_name = "FILE")]

@@ -148,16 +148,18 @@ pub enum Method {
     Stereo,
     /// A network of the MASt3R family: matches and a point per pixel; needs --weights.
     Mast3r,
+    /// The matches of such a network in place of features, then a point per pixel as `stereo`; needs --weights.
+    Mast3rStereo,
 }
 
 /// What is made of what the network says.
 #[derive(Debug, Default, Args)]
-#[command(next_help_heading = "Network (method mast3r)")]
+#[command(next_help_heading = "Network (methods mast3r and mast3r-stereo)")]
 pub struct LearnedChoice {
-    /// Which points are given
+    /// Which points are given (mast3r)
     #[arg(long, value_enum, default_value_t = PointsFrom::Network)]
     pub points_from: PointsFrom,
-    /// Where the pose comes from, unless it is given
+    /// Where the pose comes from, unless it is given (mast3r)
     #[arg(long, value_enum, default_value_t = PoseFrom::Matches, conflicts_with_all = ["cam_b_from_cam_a", "world_from_cam_b"])]
     pub pose_from: PoseFrom,
     /// Decode the pair both ways and take the matches of both

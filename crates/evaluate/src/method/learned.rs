@@ -7,7 +7,7 @@ use crate::pair_metrics::PAPER_ROWS;
 use selenograph_geometry::Camera;
 use selenograph_predict::{EncodedView, PredictOptions, Predictor, Rule};
 use selenograph_reconstruct::View;
-use selenograph_reconstruct::learned::{LearnedMatch, LearnedOptions, solve};
+use selenograph_reconstruct::learned::{LearnedOptions, solve};
 use selenograph_reconstruct::matching::Match;
 use selenograph_reconstruct::pipeline::FocalKnowledge;
 use selenograph_reconstruct::relative_pose::{SiftOptions, of_matches};
@@ -130,11 +130,10 @@ impl<'a> Session<'a> {
         let prediction = match points {
             PointsOf::Network => solve(cameras, learned, None, &record.geometry)?.prediction,
             PointsOf::Stereo => {
-                let as_found = |m: &LearnedMatch| Match { a: m.a, b: m.b, score: m.score };
-                let matches: Vec<Match> = learned.matches.iter().map(as_found).collect();
-                let threshold_px = record.geometry.threshold_px * learned.match_px;
+                let options = SiftOptions::default();
                 let [a, b] = views;
-                pictures::dense(views, of_matches(a, b, &matches, threshold_px, &SiftOptions::default()))
+                let threshold_px = options.threshold_px * learned.match_px;
+                pictures::dense(views, of_matches(a, b, &learned.matches, threshold_px, &options))
             }
         };
         let reference = by_reference(&learned.matches, cameras, record.geometry.seed);
@@ -152,7 +151,7 @@ pub(super) enum PointsOf {
 }
 
 /// The reference protocol: the best of the matches within the central rows.
-fn by_reference(matches: &[LearnedMatch], cameras: [&Camera; 2], seed: u64) -> Pose {
+fn by_reference(matches: &[Match], cameras: [&Camera; 2], seed: u64) -> Pose {
     let inside = |y: f64, camera: &Camera| {
         let top = camera.height.saturating_sub(PAPER_ROWS) / 2;
         (top as f64..(top + PAPER_ROWS) as f64).contains(&y)

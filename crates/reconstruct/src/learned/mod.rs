@@ -8,6 +8,7 @@ mod surface;
 
 use crate::Error;
 use crate::judge::Judge;
+use crate::matching::Match;
 use crate::pipeline::{PoseSource, Warning};
 use crate::prediction::Prediction;
 use crate::priors::KnownPose;
@@ -27,26 +28,15 @@ pub struct Pointmap {
     pub confidence: Raster<f32>,
 }
 
-/// A place that a matcher found in both pictures.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LearnedMatch {
-    /// In picture A, pixels from its corner.
-    pub a: Point2<f64>,
-    /// In picture B.
-    pub b: Point2<f64>,
-    /// Higher is better; only the order is used.
-    pub score: f64,
-}
-
 /// What a network or matcher says of two pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Learned {
     /// Points of A and of B, both in the frame of A; `None` for a matcher.
     pub pointmaps: Option<[Pointmap; 2]>,
     /// Matches for the pose; none for a network that does not match.
-    pub matches: Vec<LearnedMatch>,
+    pub matches: Vec<Match>,
     /// Matches of as many pixels as have one, where they were asked for.
-    pub dense_matches: Option<Vec<LearnedMatch>>,
+    pub dense_matches: Option<Vec<Match>>,
     /// Side of a matched pixel in pixels of the pictures: above 1 for pictures that were made smaller.
     pub match_px: f64,
 }
@@ -145,7 +135,7 @@ pub fn solve(
 /// [`CannotSay`], with the reason.
 pub fn pose_of_matches(
     cameras: [&Camera; 2],
-    matches: &[LearnedMatch],
+    matches: &[Match],
     threshold_px: f64,
     seed: u64,
 ) -> Result<RelativePose, CannotSay> {
@@ -157,11 +147,11 @@ pub fn pose_of_matches(
     selenograph_pose::relative::estimate(&on_plane(cameras, matches), &options)
 }
 
-fn on_plane(cameras: [&Camera; 2], matches: &[LearnedMatch]) -> Vec<selenograph_pose::relative::Match> {
+fn on_plane(cameras: [&Camera; 2], matches: &[Match]) -> Vec<selenograph_pose::relative::Match> {
     let outside = Point2::new(f64::NAN, f64::NAN);
     let place =
         |k: usize, at: &Point2<f64>| cameras[k].ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
-    let one = |m: &LearnedMatch| selenograph_pose::relative::Match {
+    let one = |m: &Match| selenograph_pose::relative::Match {
         a: place(0, &m.a),
         b: place(1, &m.b),
         score: m.score,
@@ -200,7 +190,7 @@ impl Problem<'_> {
 
     fn judged(
         &self,
-        matches: &[LearnedMatch],
+        matches: &[Match],
         pose: &Rigid3<CamB, CamA>,
         tolerance_px: f64,
     ) -> Vec<PairMatch> {

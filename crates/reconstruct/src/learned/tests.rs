@@ -71,7 +71,7 @@ fn truth(cameras: [&Camera; 2], pose: &Rigid3<CamB, CamA>, places: Places) -> Le
                 };
                 let held = whole(b.x, cameras[1].width).zip(whole(b.y, cameras[1].height));
                 let at = |(x, y)| if places == Places::Whole { Point2::new(x, y) } else { b };
-                matches.extend(held.map(|held| LearnedMatch { a, b: at(held), score: 1.0 }));
+                matches.extend(held.map(|held| Match { a, b: at(held), score: 1.0 }));
             }
         }
         matches
@@ -204,7 +204,7 @@ fn what_tells_nothing_gives_no_pose() {
     let truth = truth(cameras, &true_pose(), Places::Whole);
     // The same picture twice: every match stands still, and sure points do not help.
     let still = Learned {
-        matches: truth.matches.iter().map(|m| LearnedMatch { b: m.a, ..*m }).collect(),
+        matches: truth.matches.iter().map(|m| Match { b: m.a, ..*m }).collect(),
         ..truth.clone()
     };
     let solved = solve(cameras, &still, None, &LearnedOptions::default()).unwrap();
@@ -225,7 +225,7 @@ fn what_tells_nothing_gives_no_pose() {
     };
     let noise = Learned {
         matches: (0..300)
-            .map(|k| LearnedMatch {
+            .map(|k| Match {
                 a: Point2::new(160.0 * anywhere(k, 101), 160.0 * anywhere(k, 389)),
                 b: Point2::new(160.0 * anywhere(k, 617), 160.0 * anywhere(k, 211)),
                 score: anywhere(k, 53),

@@ -15,7 +15,8 @@ pub struct Match {
     pub a: Point2<f64>,
     /// In picture B.
     pub b: Point2<f64>,
-    /// How far the nearest neighbour stands out from the second: 1 − the ratio of their distances.
+    /// Higher is better, and only the order is used: of features how far the nearest neighbour stands out from the second, 1 −
+    /// the ratio of their distances.
     pub score: f64,
 }
 

@@ -1,6 +1,6 @@
 //! A relative pose that was given: matches that agree with it, as seeds of the surface and as a check of the pose.
 
-use super::PoseSource;
+use super::{Matcher, PoseSource};
 use crate::features::intensity::Intensity;
 use crate::features::sift;
 use crate::judge::Judge;
@@ -25,16 +25,28 @@ pub(crate) const TOLERANCE_PX: f64 = 3.0;
 const MIN_AGREEING: usize = 8;
 
 /// Matches that agree with a given pose, aligned to a fraction of a pixel.
-pub(super) fn start(a: &View, b: &View, known: &KnownPose, options: &SiftOptions) -> Result<Start, Error> {
+pub(super) fn start(
+    a: &View,
+    b: &View,
+    known: &KnownPose,
+    matcher: Matcher<'_>,
+    options: &SiftOptions,
+) -> Result<Start, Error> {
     let too_few = |found: usize| CannotSay::TooFewMatches { found, needed: MIN_AGREEING };
     let (seen_a, seen_b) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image));
     let (Some(seen_a), Some(seen_b)) = (seen_a, seen_b) else { return Err(too_few(0).into()) };
-    let (features_a, features_b) = rayon::join(
-        || sift::detect_in(&seen_a, &options.features),
-        || sift::detect_in(&seen_b, &options.features),
-    );
-    let found = matching::sift(&features_a, &features_b, &options.matching);
-    let judge = Judge::new(&known.cam_b_from_cam_a, [&a.camera, &b.camera], TOLERANCE_PX);
+    let (found, features, tolerance_px) = match matcher {
+        Matcher::Given(found, match_px) => (found.to_vec(), [0, 0], TOLERANCE_PX * match_px),
+        Matcher::Sift => {
+            let (a, b) = rayon::join(
+                || sift::detect_in(&seen_a, &options.features),
+                || sift::detect_in(&seen_b, &options.features),
+            );
+            let counts = [a.keypoints.len(), b.keypoints.len()];
+            (matching::sift(&a, &b, &options.matching), counts, TOLERANCE_PX)
+        }
+    };
+    let judge = Judge::new(&known.cam_b_from_cam_a, [&a.camera, &b.camera], tolerance_px);
     let mut agreeing: Vec<Match> = found.iter().filter(|m| judge.agrees(&m.a, &m.b)).copied().collect();
     let num_agreeing = agreeing.len();
     if num_agreeing < MIN_AGREEING {
@@ -55,7 +67,7 @@ pub(super) fn start(a: &View, b: &View, known: &KnownPose, options: &SiftOptions
     let inliers = matches.iter().filter(|m| m.inlier).count();
     let squares: f64 = matches.iter().filter(|m| m.inlier).map(|m| m.residual_px.powi(2)).sum();
     let counts = Counts {
-        features: [features_a.keypoints.len(), features_b.keypoints.len()],
+        features,
         matches: found.len(),
         first_inliers: num_agreeing,
         refined,

@@ -10,12 +10,15 @@ pub use answer::{FocalSource, PoseSource, Reconstruction, Warning};
 pub(crate) use given::TOLERANCE_PX as GIVEN_TOLERANCE_PX;
 pub use learned::{LearnedInput, reconstruct_learned};
 
+use crate::learned::Learned;
+use crate::matching::Match;
 use crate::priors::Priors;
 use crate::relative_pose::{self, PairPose, SiftOptions};
 use crate::stereo::{self, Seed, StereoOptions};
 use crate::{Error, PredictedView, Prediction, View, triangulate};
 use given::Start;
 use selenograph_geometry::Camera;
+use selenograph_pose::relative::CannotSay;
 use serde::{Deserialize, Serialize};
 
 /// How points are found.
@@ -92,6 +95,26 @@ impl Stage {
     }
 }
 
+/// Whose matches the pose rests on.
+#[derive(Clone, Copy)]
+enum Matcher<'a> {
+    /// Those of features.
+    Sift,
+    /// Given ones, of pixels of this side.
+    Given(&'a [Match], f64),
+}
+
+impl Matcher<'_> {
+    fn pose(self, a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
+        match self {
+            Self::Sift => relative_pose::sift(a, b, options),
+            Self::Given(found, match_px) => {
+                relative_pose::of_matches(a, b, found, options.threshold_px * match_px, options)
+            }
+        }
+    }
+}
+
 /// Reconstructs what two pictures show.
 ///
 /// `progress` is told of each step that begins.
@@ -106,31 +129,50 @@ pub fn reconstruct(
     options: &Options,
     mut progress: impl FnMut(Stage),
 ) -> Result<Reconstruction, Error> {
-    for (what, view) in [("camera of picture A", a), ("camera of picture B", b)] {
-        let size = |width: usize, height: usize| format!("{width}×{height}");
-        let (image, camera) = (&view.image, &view.camera);
-        if (image.width, image.height) != (camera.width, camera.height) {
-            let expected = size(image.width, image.height);
-            return Err(Error::SizeMismatch { what, expected, found: size(camera.width, camera.height) });
-        }
-    }
+    with_matcher([a, b], Matcher::Sift, priors, options, &mut progress)
+}
+
+/// [`reconstruct`] from the matches of a network or of any matcher on, in place of those of features. Points that it gave
+/// are not looked at.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn reconstruct_matched(
+    a: &View,
+    b: &View,
+    learned: &Learned,
+    priors: &Priors,
+    options: &Options,
+    mut progress: impl FnMut(Stage),
+) -> Result<Reconstruction, Error> {
+    let matcher = Matcher::Given(&learned.matches, learned.match_px);
+    with_matcher([a, b], matcher, priors, options, &mut progress)
+}
+
+fn with_matcher(
+    [a, b]: [&View; 2],
+    matcher: Matcher<'_>,
+    priors: &Priors,
+    options: &Options,
+    mut progress: &mut impl FnMut(Stage),
+) -> Result<Reconstruction, Error> {
+    check([a, b])?;
     // Before minutes of work: a source that is asked for must be there.
     priors.scale_from()?;
-    let mut warnings = Vec::new();
     let (cameras, focal) = match options.focal {
         FocalKnowledge::Known => ([a.camera.clone(), b.camera.clone()], FocalSource::Known),
         FocalKnowledge::Guessed => {
             progress(Stage::Focal);
-            guessed_cameras(a, b, options)?
+            guessed_cameras(a, b, matcher, options)?
         }
     };
-    warnings.extend(focal.warning());
+    let mut warnings: Vec<Warning> = focal.warning().into_iter().collect();
     let [a, b] = [(a, &cameras[0]), (b, &cameras[1])]
         .map(|(view, camera)| View { camera: camera.clone(), ..view.clone() });
     progress(Stage::Pose);
     let start = match &priors.cam_b_from_cam_a {
-        Some(known) => given::start(&a, &b, known, &options.sift)?,
-        None => estimated(relative_pose::sift(&a, &b, &options.sift)?),
+        Some(known) => given::start(&a, &b, known, matcher, &options.sift)?,
+        None => estimated(matcher.pose(&a, &b, &options.sift)?),
     };
     warnings.extend(start.source.warning());
     let views = match options.method {
@@ -148,6 +190,19 @@ pub fn reconstruct(
     Ok(Reconstruction { prediction, pose: source, matches, counts, placement, cameras, focal, warnings })
 }
 
+/// Whether each camera is of its picture's size.
+fn check(views: [&View; 2]) -> Result<(), Error> {
+    for (what, view) in ["camera of picture A", "camera of picture B"].into_iter().zip(views) {
+        let size = |width: usize, height: usize| format!("{width}×{height}");
+        let (image, camera) = (&view.image, &view.camera);
+        if (image.width, image.height) != (camera.width, camera.height) {
+            let expected = size(image.width, image.height);
+            return Err(Error::SizeMismatch { what, expected, found: size(camera.width, camera.height) });
+        }
+    }
+    Ok(())
+}
+
 /// What an estimated pose gives the rest of the way.
 fn estimated(found: PairPose) -> Start {
     let PairPose { pose, matches, counts, .. } = found;
@@ -160,14 +215,19 @@ fn estimated(found: PairPose) -> Start {
 }
 
 /// Cameras whose focal length the matches tell, or the guessed ones.
-fn guessed_cameras(a: &View, b: &View, options: &Options) -> Result<([Camera; 2], FocalSource), Error> {
+fn guessed_cameras(
+    a: &View,
+    b: &View,
+    matcher: Matcher<'_>,
+    options: &Options,
+) -> Result<([Camera; 2], FocalSource), Error> {
+    // With a wrong focal length good matches miss their epipolar lines by pixels.
     let loose = SiftOptions {
-        // With a wrong focal length good matches miss their epipolar lines by pixels.
         threshold_px: 3.0 * options.sift.threshold_px,
         refined_threshold_px: 3.0 * options.sift.threshold_px,
         ..options.sift.clone()
     };
-    let found = relative_pose::sift(a, b, &loose)?;
+    let found = matcher.pose(a, b, &loose)?;
     let centred = |m: &relative_pose::PairMatch| {
         let [p, q] =
             [(&m.a, &a.camera), (&m.b, &b.camera)].map(|(p, camera)| [p.x - camera.cx, p.y - camera.cy]);

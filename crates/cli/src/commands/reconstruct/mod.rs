@@ -51,7 +51,7 @@ struct Answer {
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let learned = match args.method {
-        Method::Mast3r => Some(learned::Choice::new(args)?),
+        Method::Mast3r | Method::Mast3rStereo => Some(learned::Choice::new(args)?),
         Method::Sift | Method::Stereo => network::unused(&args.network).map(|()| None)?,
     };
     let draft = Draft::new(&args.target.out, args.target.force)?;
@@ -69,9 +69,8 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
                 return Ok(Outcome::Done);
             }
             with_stages(ui, |progress| {
-                choice
-                    .reconstruct(&checkpoint, &mut pictures, &priors, progress, ui)
-                    .map(|(f, record)| (f, Some(record)))
+                let found = choice.reconstruct(&checkpoint, &mut pictures, &priors, &options, progress, ui);
+                found.map(|(found, record)| (found, Some(record)))
             })?
         }
         None => {
@@ -97,7 +96,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
     let settings = Settings {
-        pipeline: learned.is_none().then_some(&options),
+        pipeline: (args.method != Method::Mast3r).then_some(&options),
         learned,
         products: &product_options,
         known,
@@ -130,7 +129,7 @@ fn options(args: &Reconstruct, pictures: &Pictures) -> Options {
     Options {
         method: match args.method {
             Method::Sift => pipeline::Method::Sift,
-            Method::Stereo | Method::Mast3r => pipeline::Method::Stereo,
+            Method::Stereo | Method::Mast3r | Method::Mast3rStereo => pipeline::Method::Stereo,
         },
         completion: if args.complete { Completion::Smooth } else { Completion::Absent },
         focal: if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed },
