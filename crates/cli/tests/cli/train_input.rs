@@ -1,6 +1,6 @@
 //! `train`: bad input, and what a run keeps of what it was given.
 
-use crate::evaluate::with_dataset;
+use crate::evaluate::{lines, with_dataset};
 use crate::program::{Place, names};
 use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig, Transformer};
 use selenograph_network::random;
@@ -159,6 +159,13 @@ fn a_split_divides_what_is_learnt_from_what_is_held_out() {
         let answer = place.run(&format!("{line} --allow-leak --out {out}")).ok();
         assert!(answer.stderr.contains("held-out pairs: "), "{}", answer.stderr);
     }
+    // What a split of our own holds out is evaluated too.
+    let examined = place.path("own/evaluations");
+    let found = lines(&examined.join(&names(&examined)[0]).join("metrics.jsonl"));
+    assert!(found.len() == 1 && found[0]["pair"] == "000002" && found[0]["method"] == "mast3r", "{found:?}");
+    let validation = lines(&place.path("own/metrics.jsonl")).pop().unwrap();
+    assert_eq!(validation["values"]["point_error_rel"], found[0]["overlap"]["point_error_rel"]);
+    assert!(validation["values"]["no_pose"].is_number() && !place.path("theirs/evaluations").exists());
     refused(
         &place,
         &format!("{ONE_STEP} --data dataset --split split.json"),

@@ -188,10 +188,23 @@ impl Checkpoints {
     }
 }
 
+/// The weights of a network as every command reads them.
+///
+/// # Errors
+/// [`Error::Network`] if the file cannot be written.
+pub fn write_weights(network: &dyn PairNetwork, path: &Path) -> Result<(), Error> {
+    write_tensors(path, &parameters(network), &network.metadata())
+}
+
+fn parameters(network: &dyn PairNetwork) -> Vec<Named> {
+    let mut parameters = Vec::new();
+    network.visit(&mut |name, shape, value| parameters.push((name.to_owned(), shape.to_vec(), value)));
+    parameters
+}
+
 fn write_all(folder: &Path, saved: &Saved<'_>) -> Result<(), Error> {
     let metadata = saved.network.metadata();
-    let mut weights = Vec::new();
-    saved.network.visit(&mut |name, shape, value| weights.push((name.to_owned(), shape.to_vec(), value)));
+    let weights = parameters(saved.network);
     write_tensors(&folder.join(WEIGHTS), &weights, &metadata)?;
     if let Some(average) = saved.average {
         let mut averaged = weights;

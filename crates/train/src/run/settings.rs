@@ -41,11 +41,14 @@ pub struct ValidationSettings {
     pub every_epochs: f64,
     /// Pairs of it.
     pub pairs: usize,
+    /// Pairs, spread over the held-out ones, that are also evaluated: pose and points by the definitions of `evaluate`. 0 for
+    /// none.
+    pub evaluated: usize,
 }
 
 impl Default for ValidationSettings {
     fn default() -> Self {
-        Self { every_epochs: 1.0, pairs: 64 }
+        Self { every_epochs: 1.0, pairs: 64, evaluated: 8 }
     }
 }
 

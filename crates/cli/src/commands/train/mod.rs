@@ -1,5 +1,6 @@
 //! `train run|resume|presets`: networks that learn.
 
+mod examination;
 mod progress;
 mod request;
 mod sources;
@@ -11,6 +12,7 @@ use crate::exit::{Outcome, refuse};
 use crate::target::is_occupied;
 use crate::ui::Ui;
 use anyhow::Context;
+use examination::Examination;
 use progress::Teller;
 use request::Request;
 use selenograph_model::device;
@@ -102,7 +104,16 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     let tell = move |reason: &str| complain.detail(&format!("left out: {reason}"));
     let mut feed = LoaderFeed::start(Arc::new(learn), first, assembly, Box::new(tell))?;
     let mut teller = Teller::new(ui);
-    let mut judge = |network: &dyn PairNetwork, step: u64| validation::judge(network, &held, step);
+    let examination = Examination::open(request, folder)?;
+    let mut judge = |network: &dyn PairNetwork, step: u64| {
+        let mut found = validation::judge(network, &held, step)?;
+        match examination.as_ref().map(|examination| examination.hold(network, step, ui)).transpose() {
+            Ok(values) => found.values.extend(values.into_iter().flatten()),
+            // What was learnt is worth more than to know its worth now.
+            Err(error) => ui.note(&format!("warning: held-out pairs were not evaluated: {error:#}")),
+        }
+        Ok(found)
+    };
     let validate: Option<Box<Validate<'_>>> = if held.is_empty() { None } else { Some(Box::new(&mut judge)) };
     let began = since_1970();
     let since = std::time::Instant::now();

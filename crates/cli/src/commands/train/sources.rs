@@ -83,24 +83,37 @@ fn triplets(path: &Path, split: Option<&PathBuf>) -> anyhow::Result<Source> {
 
 /// The part of one folder that a split file names; what it holds out goes to `val`.
 fn divided(request: &Request, file: &Path, val: &mut Vec<Source>) -> anyhow::Result<Vec<Source>> {
-    if file.extension().is_some_and(|extension| extension == "npz") {
+    if is_triplets_split(file) {
         let folder = only(&request.triplets, "--split")?;
         let mut learn = all(&request.data)?;
         learn.push(triplets(folder, Some(&file.to_owned()))?);
         return Ok(learn);
     }
     let folder = only(&request.data, "--split")?;
-    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read `{}`", file.display()))?;
-    let split: Split = serde_json::from_str(&text).map_err(|error| {
-        refuse(
-            format!("`{}` is no split: {error}", file.display()),
-            "pass train.npz of triplets, or what `data split` wrote",
-        )
-    })?;
+    let split = read_split(file)?;
     val.push(Source::pairs(&name(folder), folder, Some(&split.val))?);
     let mut learn = all_triplets(&request.triplets)?;
     learn.push(Source::pairs(&name(folder), folder, Some(&split.train))?);
     Ok(learn)
+}
+
+/// Whether a split is one of triplets; else it is one of `data split`.
+pub fn is_triplets_split(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension == "npz")
+}
+
+/// What `data split` wrote.
+///
+/// # Errors
+/// A file that is something else.
+pub fn read_split(file: &Path) -> anyhow::Result<Split> {
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read `{}`", file.display()))?;
+    serde_json::from_str(&text).map_err(|error| {
+        refuse(
+            format!("`{}` is no split: {error}", file.display()),
+            "pass train.npz of triplets, or what `data split` wrote",
+        )
+    })
 }
 
 /// The one folder that a split divides.
