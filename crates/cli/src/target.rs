@@ -113,6 +113,30 @@ fn remove(path: &Path) {
     let _ = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
 }
 
+/// A folder that is being written; freed when this goes, also if the process is killed.
+#[cfg(feature = "train")]
+#[derive(Debug)]
+pub struct Held {
+    _folder: Option<std::fs::File>,
+}
+
+/// Takes a folder for this process. Where the file system knows no locks, nothing is held.
+///
+/// # Errors
+/// If another process has it.
+#[cfg(feature = "train")]
+pub fn hold(folder: &Path) -> anyhow::Result<Held> {
+    let Ok(file) = std::fs::File::open(folder) else { return Ok(Held { _folder: None }) };
+    match file.try_lock() {
+        Ok(()) => Ok(Held { _folder: Some(file) }),
+        Err(std::fs::TryLockError::Error(_)) => Ok(Held { _folder: None }),
+        Err(std::fs::TryLockError::WouldBlock) => Err(refuse(
+            format!("another process is writing `{}`", folder.display()),
+            "wait for its end, or stop it",
+        )),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

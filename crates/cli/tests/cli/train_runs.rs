@@ -109,6 +109,7 @@ fn a_run_that_is_stopped_leaves_a_checkpoint_and_goes_on() {
         while num_lines(&place.path("run")) < first + 3 {
             assert!(child.try_wait().unwrap().is_none());
         }
+        place.run("train resume run --quiet").refused("another process is writing `run`", "wait for its end");
         let kill = format!("kill -{signal} {}", child.id());
         assert!(place.command("sh").args(["-c", &kill]).status().unwrap().success());
         let answer = Answer::of(&child.wait_with_output().unwrap());

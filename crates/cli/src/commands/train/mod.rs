@@ -9,7 +9,7 @@ mod stop;
 use super::clock::since_1970;
 use crate::args::train::{Presets, Resume, Run, TrainCommand};
 use crate::exit::{Outcome, refuse};
-use crate::target::is_occupied;
+use crate::target::{hold, is_occupied};
 use crate::ui::Ui;
 use anyhow::Context;
 use examination::Examination;
@@ -86,6 +86,7 @@ fn resume(args: &Resume, ui: &Ui) -> anyhow::Result<Outcome> {
 /// Runs from the weights of the last checkpoint, or from the beginning.
 fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> anyhow::Result<Outcome> {
     let settings = &request.settings;
+    let held_before = folder.exists().then(|| hold(folder)).transpose()?;
     let device = device::parse(&request.device)?;
     let mut network = request.network(last.or(request.first_weights.as_deref()), &device, ui)?;
     let teacher = request.teacher(&device, ui)?;
@@ -132,6 +133,7 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     if last.is_none() {
         request.write(folder)?;
     }
+    let _held = held_before.map_or_else(|| hold(folder), Ok)?;
     let learning = &settings.learning;
     let trainer = match last {
         Some(_) => Trainer::resume(folder, learning, hands),
