@@ -19,6 +19,11 @@ pub struct ViewTruth {
 }
 
 impl ViewTruth {
+    /// Whether any pixel sees ground at a known distance.
+    pub fn has_depth(&self) -> bool {
+        (0..self.depth_z.data.len()).any(|idx| self.is_valid(idx))
+    }
+
     /// Whether a pixel sees ground at a known distance.
     pub fn is_valid(&self, idx: usize) -> bool {
         let depth_z = self.depth_z.data[idx];
@@ -70,7 +75,7 @@ pub struct TrainingView {
     pub rgb: Raster<[u8; 3]>,
     /// The camera of these pixels.
     pub camera: Camera,
-    /// Depth and pose; `None` in a pair that has no truth.
+    /// Depth and pose; depth is NaN throughout where only poses are known. `None` in a pair that has no truth.
     pub truth: Option<ViewTruth>,
 }
 
@@ -108,7 +113,7 @@ impl TrainingPair {
 
     /// Whether depth and pose of both views are known.
     pub fn has_truth(&self) -> bool {
-        self.views.iter().all(|view| view.truth.is_some())
+        self.views.iter().all(|view| view.truth.as_ref().is_some_and(ViewTruth::has_depth))
     }
 
     /// The ground that each pixel of `of` sees, in the camera frame of `in_frame`, metres; rows first. NaN where the

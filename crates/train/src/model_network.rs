@@ -11,7 +11,7 @@ use selenograph_network::checkpoint;
 use selenograph_network::layout::Part;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Which parameters stay as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ pub struct ModelNetwork {
     metadata: BTreeMap<String, String>,
     cache_bytes: usize,
     /// Made when it is first needed, and again after its weights were changed.
-    encoder: OnceLock<FrozenEncoder>,
+    encoder: Mutex<Option<Arc<FrozenEncoder>>>,
 }
 
 impl ModelNetwork {
@@ -40,14 +40,14 @@ impl ModelNetwork {
     pub fn new(model: Model, frozen: Frozen, keep: Keep, license: Option<&str>, provenance: &str) -> Self {
         let mut metadata = checkpoint::header(model.config(), license);
         metadata.insert(checkpoint::key::PROVENANCE.to_owned(), provenance.to_owned());
-        Self { model, frozen, keep, metadata, cache_bytes: 0, encoder: OnceLock::new() }
+        Self { model, frozen, keep, metadata, cache_bytes: 0, encoder: Mutex::new(None) }
     }
 
     /// The same, keeping up to so many bytes of what a frozen encoder makes of pictures: for runs in which the same
     /// picture comes again.
     #[must_use]
     pub fn with_encoding_cache(self, cache_bytes: usize) -> Self {
-        Self { cache_bytes, encoder: OnceLock::new(), ..self }
+        Self { cache_bytes, encoder: Mutex::new(None), ..self }
     }
 
     /// The same, whose files also say the longest side of the pictures that it learns from.
@@ -85,14 +85,19 @@ impl ModelNetwork {
         if !self.encodes_off_the_tape() {
             return Ok(None);
         }
-        let encoder = match self.encoder.get() {
-            Some(encoder) => encoder,
+        self.encoder()?.features(&self.model, images).map(Some)
+    }
+
+    /// The frozen encoder, made if need be: by one of the batches side by side, while the others wait.
+    fn encoder(&self) -> Result<Arc<FrozenEncoder>, Error> {
+        let mut slot = self.encoder.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*slot {
+            Some(encoder) => Ok(encoder.clone()),
             None => {
-                let made = FrozenEncoder::new(&self.model, self.cache_bytes)?;
-                self.encoder.get_or_init(|| made)
+                let made = Arc::new(FrozenEncoder::new(&self.model, self.cache_bytes)?);
+                Ok(slot.insert(made).clone())
             }
-        };
-        encoder.features(&self.model, images).map(Some)
+        }
     }
 }
 
@@ -178,7 +183,7 @@ impl PairNetwork for ModelNetwork {
             let changed = changes(parameter.name(), &parameter.spec().shape, value);
             if let Some(changed) = changed {
                 if self.is_frozen(self.model.parameters().at(idx)) {
-                    self.encoder.take();
+                    self.encoder.get_mut().unwrap_or_else(PoisonError::into_inner).take();
                 }
                 self.model.parameters_mut().set(idx, changed)?;
             }

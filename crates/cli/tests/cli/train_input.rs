@@ -65,11 +65,20 @@ const ONE_STEP: &str =
 #[test]
 fn a_dataset_without_truth() {
     let place = with_network();
+    assert!(place.command("cp").args(["-r", "dataset", "whole"]).status().unwrap().success());
     for name in ["a.depth_z.exr", "b.depth_z.exr"] {
         files(&place, name).iter().for_each(|path| std::fs::remove_file(path).unwrap());
     }
     refused(&place, ONE_STEP, "dataset` holds no depth", "--teacher");
     place.run(&format!("{ONE_STEP} --teacher network.safetensors --out run")).ok();
+    // Beside pairs with depth its poses teach the one loss that needs no more.
+    let mixed = format!("{ONE_STEP} --data whole --set learning.epochs=2 --set learning.loss.epipolar_weight=1.0");
+    place.run(&format!("{mixed} --out mixed")).ok();
+    let records = lines(&place.path("mixed/metrics.jsonl"));
+    let of = |record: &serde_json::Value, term: &str| record["terms"][term].as_f64().unwrap_or(0.0);
+    let blind: Vec<_> = records.iter().filter(|record| of(record, "regression_a") == 0.0).collect();
+    assert!(!blind.is_empty() && blind.len() < records.len(), "{} of {}", blind.len(), records.len());
+    assert!(blind.iter().all(|record| of(record, "epipolar") > 0.0 && of(record, "matching") == 0.0));
 }
 
 #[test]

@@ -118,7 +118,8 @@ impl Flight {
         });
         let [a, b] = pictures;
         let draft = |n: usize, levels: Raster<f32>| draft(&views[n], &truths[n], levels);
-        Ok(Fetched { pair_id, lights, drafts: [draft(0, a)?, draft(1, b)?], sights, is_shaped: true })
+        let drafts = [draft(0, a)?, draft(1, b)?];
+        Ok(Fetched { pair_id, lights, drafts, has_depth: true, sights, is_shaped: true })
     }
 }
 

@@ -65,6 +65,8 @@ pub(super) struct Fetched {
     pub pair_id: u64,
     pub lights: [usize; 2],
     pub drafts: [Draft; 2],
+    /// Whether depth was read; poses may be known without.
+    pub has_depth: bool,
     /// What the terrain says each view sees of the other, for views that already have their final shape.
     pub sights: Option<[Vec<Sight>; 2]>,
     pub is_shaped: bool,
@@ -213,11 +215,7 @@ impl Source {
                     format!("view {name} has lens distortion; rectify it first"),
                 ));
             }
-            if draft
-                .truth
-                .as_ref()
-                .is_some_and(|truth| !(0..truth.depth_z.data.len()).any(|n| truth.is_valid(n)))
-            {
+            if fetched.has_depth && !draft.truth.as_ref().is_some_and(ViewTruth::has_depth) {
                 return Err(unusable(self.label(draw), format!("view {name} has no pixel with depth")));
             }
         }
@@ -237,18 +235,19 @@ fn fetch_pair(pair_id: u64, folder: &Path, request: &Request<'_>) -> Result<Fetc
     }
     let draft = |view: ViewName, light_idx: usize| {
         let levels = levels(&png::read(&folder.join(image_name(view, light_idx)))?);
-        let (camera, truth) = if has_truth[0] {
+        let (depth_z, record) = if has_truth[0] {
             let (raw, record) = selenograph::read_raw_view(folder, view)?;
-            let depth_z = absent_as_nan(&raw.depth_z);
-            (record.camera()?, Some(ViewTruth { depth_z, world_from_cam: record.world_from_cam() }))
+            (absent_as_nan(&raw.depth_z), record)
         } else {
             let record: CameraRecord = read_json(&folder.join(camera_name(view)))?;
-            (record.camera()?, None)
+            (Raster::filled(levels.width, levels.height, f32::NAN), record)
         };
-        checked(folder, levels, camera, truth)
+        let truth = ViewTruth { depth_z, world_from_cam: record.world_from_cam() };
+        checked(folder, levels, record.camera()?, truth)
     };
     let drafts = [draft(ViewName::A, lights[0])?, draft(ViewName::B, lights[1])?];
-    Ok(Fetched { pair_id, lights, drafts, sights: None, is_shaped: false })
+    let has_depth = has_truth[0];
+    Ok(Fetched { pair_id, lights, drafts, has_depth, sights: None, is_shaped: false })
 }
 
 fn fetch_triplets(item: &TripletItem, k: PixelConvention, request: &Request<'_>) -> Result<Fetched, Error> {
@@ -259,12 +258,13 @@ fn fetch_triplets(item: &TripletItem, k: PixelConvention, request: &Request<'_>)
         let [exr, npz] = &item.geometry[view];
         let raw: RawView = stereolunar::read_raw_view(exr, npz, k)?;
         let truth = ViewTruth { depth_z: absent_as_nan(&raw.depth_z), world_from_cam: raw.world_from_cam()? };
-        checked(path, levels, raw.camera()?, Some(truth))
+        checked(path, levels, raw.camera()?, truth)
     };
     Ok(Fetched {
         pair_id: item.pair_id,
         lights,
         drafts: [draft(0)?, draft(1)?],
+        has_depth: true,
         sights: None,
         is_shaped: false,
     })
@@ -275,7 +275,7 @@ fn checked(
     path: &Path,
     levels: Raster<f32>,
     camera: Camera,
-    truth: Option<ViewTruth>,
+    truth: ViewTruth,
 ) -> Result<Draft, Error> {
     if (levels.width, levels.height) != (camera.width, camera.height) {
         return Err(import::unexpected(
@@ -284,7 +284,7 @@ fn checked(
             format!("{}×{}", levels.width, levels.height),
         ));
     }
-    Ok(Draft { levels, camera, truth })
+    Ok(Draft { levels, camera, truth: Some(truth) })
 }
 
 /// Grey levels, 255 at full scale.

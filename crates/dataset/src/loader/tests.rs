@@ -191,6 +191,9 @@ fn faulty_pairs_are_one_error_or_counted() {
     let mixture = Mixture::new(vec![only], LoaderOptions { batch_size: 1, ..options() }).unwrap();
     let (pair, _) = mixture.sample(0, 0).unwrap();
     assert!(!pair.has_truth() && pair.matches.valid.is_empty());
+    // Its poses are known all the same.
+    let pose = |view: usize| pair.views[view].truth.as_ref().unwrap().world_from_cam;
+    assert!((pose(0).origin() - pose(1).origin()).norm() > 1.0);
     assert!(Source::pairs("none", root.path(), Some(&[77])).is_err());
 }
 

@@ -1,6 +1,6 @@
 //! How far predicted points leave the plane through their pixel's ray and both cameras.
 //!
-//! It needs cameras and no depth, so that pictures without truth teach too.
+//! It needs cameras and poses but no depth, so that pairs without truth maps teach too.
 //!
 //! # Source
 //! Ours; the plane is the epipolar plane of Hartley and Zisserman 2004, "Multiple View Geometry", section 9.1.
