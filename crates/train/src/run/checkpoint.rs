@@ -34,6 +34,9 @@ pub struct RunState {
     pub step: u64,
     /// Steps of the whole run; `None` as long as a budget of time has not been sized.
     pub total_steps: Option<u64>,
+    /// Where the schedule stood when a budget was last sized.
+    #[serde(default)]
+    pub sized: Anchor,
     /// Batches taken from the source.
     pub batches: u64,
     /// Seconds of training, earlier sittings included.
@@ -44,6 +47,15 @@ pub struct RunState {
     pub best_score: Option<f64>,
     /// Steps of each parameter that had a gradient.
     pub parameter_steps: BTreeMap<String, u64>,
+}
+
+/// A step, and the fractional epoch of the schedule after it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Anchor {
+    /// The step.
+    pub step: u64,
+    /// The epoch.
+    pub epoch: f64,
 }
 
 /// The checkpoints of a run.

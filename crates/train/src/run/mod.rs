@@ -1,5 +1,6 @@
 //! The run: steps, checkpoints, curves.
 
+mod budget;
 pub mod checkpoint;
 pub mod feed;
 pub mod memory;

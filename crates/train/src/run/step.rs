@@ -49,7 +49,7 @@ impl Trainer<'_> {
         self.state.step += 1;
         self.state.elapsed_s = self.elapsed_s();
         let step_s = (self.state.elapsed_s - began_s).max(SHORTEST_S);
-        self.timed_from.get_or_insert((self.state.elapsed_s, self.state.step));
+        self.pace.step(self.state.elapsed_s, self.state.step);
         self.report(StepRecord {
             step: self.state.step,
             epoch: self.epoch_at(self.state.step),

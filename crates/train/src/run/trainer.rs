@@ -1,5 +1,6 @@
 //! The loop: batches in, steps, checkpoints and curves out.
 
+use super::budget::Pace;
 use super::checkpoint::{Checkpoints, RunState, Saved};
 use super::metrics::{MetricsFile, Record, StepRecord, ValidationRecord};
 use super::settings::TrainSettings;
@@ -13,10 +14,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Shares of a budget after which the rest of it is sized: with enough timed steps, and at the latest.
-const SIZED_AFTER: [f64; 2] = [0.02, 0.05];
-/// Steps that are timed before a budget is sized.
-const TIMED_STEPS: u64 = 3;
 /// The weights of the best validation, among the checkpoints.
 const BEST: &str = "best.safetensors";
 
@@ -85,13 +82,12 @@ pub struct Trainer<'a> {
     metrics: MetricsFile,
     events: EventWriter,
     /// Clock at the start of this sitting, earlier sittings taken off.
-    epoch_zero: Duration,
+    pub(super) epoch_zero: Duration,
     saved_at_s: f64,
-    /// When the first step of this sitting, slower than the others, ended, and its number.
-    pub(super) timed_from: Option<(f64, u64)>,
+    pub(super) pace: Pace,
     /// What the last checkpoint and the last validation took.
-    save_s: f64,
-    validation_s: f64,
+    pub(super) save_s: f64,
+    pub(super) validation_s: f64,
 }
 
 /// The checkpoints of the run in `folder`.
@@ -155,7 +151,7 @@ impl<'a> Trainer<'a> {
             events: EventWriter::create(&folder.join("tensorboard"), now)?,
             epoch_zero: now.saturating_sub(Duration::from_secs_f64(state.elapsed_s)),
             saved_at_s: state.elapsed_s,
-            timed_from: None,
+            pace: Pace::default(),
             save_s: 0.0,
             validation_s: 0.0,
             folder: folder.to_owned(),
@@ -186,6 +182,8 @@ impl<'a> Trainer<'a> {
             }
             let is_due = self.elapsed_s() - self.saved_at_s >= 60.0 * self.settings.checkpoint.every_min;
             if !is_last && is_due {
+                // Before the checkpoint, so that who goes on from it keeps to the same steps.
+                self.resize_budget();
                 let saved = self.save();
                 self.tell_if_lost(saved)?;
             }
@@ -196,54 +194,6 @@ impl<'a> Trainer<'a> {
         }
         self.save()?;
         Ok(self.state)
-    }
-
-    pub(super) fn elapsed_s(&self) -> f64 {
-        (self.hands.clock)().saturating_sub(self.epoch_zero).as_secs_f64()
-    }
-
-    fn is_over(&self) -> bool {
-        let of_time = self.hands.budget_s.is_some_and(|budget| {
-            let spare = self.save_s + self.validation_s + self.step_s().unwrap_or(0.0);
-            self.state.step > 0 && self.elapsed_s() + spare > budget
-        });
-        of_time || self.state.total_steps.is_some_and(|total| self.state.step >= total)
-    }
-
-    /// Mean seconds from step to step.
-    fn step_s(&self) -> Option<f64> {
-        let (from_s, from) = self.timed_from.filter(|(_, from)| self.state.step > *from)?;
-        Some((self.state.elapsed_s - from_s) / (self.state.step - from) as f64)
-    }
-
-    /// Fractional epoch of the schedule after `step` steps.
-    pub(super) fn epoch_at(&self, step: u64) -> f64 {
-        match (self.hands.budget_s, self.state.total_steps) {
-            // Until a budget is sized the schedule follows the clock.
-            (Some(budget_s), None) => self.settings.epochs * self.state.elapsed_s / budget_s,
-            (Some(_), Some(total)) => self.settings.epochs * step as f64 / total as f64,
-            (None, _) => {
-                step as f64 * self.settings.accumulate as f64 / self.hands.source.batches_per_epoch() as f64
-            }
-        }
-    }
-
-    fn size_budget(&mut self) -> Result<(), Error> {
-        let Some(budget_s) = self.hands.budget_s.filter(|_| self.state.total_steps.is_none()) else {
-            return Ok(());
-        };
-        let elapsed_s = self.elapsed_s();
-        if self.state.step == 1 && elapsed_s + self.save_s > budget_s {
-            return Err(Error::BudgetTooShort { budget_s, needed_s: elapsed_s + self.save_s });
-        }
-        let num_timed = self.timed_from.map_or(0, |(_, from)| self.state.step - from);
-        let [early, late] = SIZED_AFTER.map(|share| elapsed_s > share * budget_s);
-        let is_timed = num_timed >= TIMED_STEPS && early || late;
-        if let Some(step_s) = self.step_s().filter(|_| is_timed) {
-            let left = ((budget_s - elapsed_s - self.save_s - self.validation_s) / step_s).max(0.0) as u64;
-            self.state.total_steps = Some(self.state.step + left);
-        }
-        Ok(())
     }
 
     pub(super) fn report(&mut self, record: StepRecord) -> Result<(), Error> {

@@ -32,8 +32,8 @@ fn settings() -> TrainSettings {
 /// How a run is carried out: by default as it should be.
 struct Sitting<'a> {
     budget_s: Option<f64>,
-    /// Seconds that pass whenever the clock is looked at.
-    tick_s: f64,
+    /// Seconds that pass whenever the clock is looked at, by the seconds of the run.
+    tick_s: fn(f64) -> f64,
     observer: &'a mut dyn FnMut(Event<'_>) -> Result<(), Error>,
     validate: Option<Box<Validate<'a>>>,
 }
@@ -47,9 +47,11 @@ fn carry_out(
 ) -> Result<selenograph_train::run::checkpoint::RunState, Error> {
     let first = if resumes { checkpoints(folder, settings).last_state()?.batches } else { 0 };
     let mut source = Scenes::new(SIDE, 4, 1, first);
-    let time = Cell::new(Duration::from_secs(1_000_000));
+    let start = Duration::from_secs(1_000_000);
+    let time = Cell::new(start);
     let clock = || {
-        time.set(time.get() + Duration::from_secs_f64(sitting.tick_s));
+        let gone_s = (time.get() - start).as_secs_f64();
+        time.set(time.get() + Duration::from_secs_f64((sitting.tick_s)(gone_s)));
         time.get()
     };
     let hands = Hands {
@@ -104,7 +106,7 @@ fn a_killed_run_goes_on_to_the_last_bit() {
     let settings = settings();
     let mut quiet = |_: Event<'_>| Ok(());
     let mut network = fresh_network(Frozen::None);
-    let sitting = |observer| Sitting { budget_s: None, tick_s: 0.001, observer, validate: None };
+    let sitting = |observer| Sitting { budget_s: None, tick_s: |_| 0.001, observer, validate: None };
     let state = carry_out(whole.path(), &settings, &mut network, false, sitting(&mut quiet)).unwrap();
     assert_eq!((state.step, state.batches), (6, 12));
 
@@ -160,7 +162,7 @@ fn a_checkpoint_that_cannot_be_written_leaves_the_one_before() {
         }
         Ok(())
     };
-    let sitting = Sitting { budget_s: None, tick_s: 0.001, observer: &mut observer, validate: None };
+    let sitting = Sitting { budget_s: None, tick_s: |_| 0.001, observer: &mut observer, validate: None };
     let state = carry_out(folder.path(), &settings, &mut network, false, sitting).unwrap();
     assert_eq!((state.step, num_lost), (6, 2));
 }
@@ -174,7 +176,7 @@ fn a_loss_that_is_no_number_ends_the_run_and_keeps_the_batch() {
     };
     network.update(&mut spoil).unwrap();
     let mut quiet = |_: Event<'_>| Ok(());
-    let sitting = Sitting { budget_s: None, tick_s: 0.001, observer: &mut quiet, validate: None };
+    let sitting = Sitting { budget_s: None, tick_s: |_| 0.001, observer: &mut quiet, validate: None };
     match carry_out(folder.path(), &settings(), &mut network, false, sitting) {
         Err(Error::Diverged { step: 1, batch, .. }) => {
             let kept = selenograph_network::checkpoint::TensorFile::open(&batch).unwrap();
@@ -196,7 +198,7 @@ fn a_budget_sizes_the_steps_and_is_kept() {
     let mut quiet = |_: Event<'_>| Ok(());
     // A step looks at the clock some ten times: eleven seconds or so.
     let sitting =
-        |budget_s, observer| Sitting { budget_s: Some(budget_s), tick_s: 1.0, observer, validate: None };
+        |budget_s, observer| Sitting { budget_s: Some(budget_s), tick_s: |_| 1.0, observer, validate: None };
     let state = carry_out(
         folder.path(),
         &settings,
@@ -218,6 +220,32 @@ fn a_budget_sizes_the_steps_and_is_kept() {
 }
 
 #[test]
+fn a_budget_is_sized_again_where_the_machine_changes_its_pace() {
+    let settings = TrainSettings {
+        checkpoint: CheckpointSettings { every_min: 1.0, keep: 1 },
+        average_decay: None,
+        ..settings()
+    };
+    // Three times as slow, and as fast, as when the budget was sized.
+    for tick_s in [|s| if s < 200.0 { 1.0 } else { 3.0 }, |s: f64| if s < 200.0 { 3.0 } else { 1.0 }] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut quiet = |_: Event<'_>| Ok(());
+        let sitting = Sitting { budget_s: Some(1000.0), tick_s, observer: &mut quiet, validate: None };
+        let state =
+            carry_out(folder.path(), &settings, &mut fresh_network(Frozen::None), false, sitting).unwrap();
+        let all = steps(folder.path());
+        let last = all.last().unwrap();
+        // The schedule came to its end with the time, without a jump on the way.
+        assert!(last.elapsed_s > 850.0 && last.elapsed_s < 1000.0, "{}", last.elapsed_s);
+        assert!(last.epoch > 0.95 * settings.epochs && last.epoch <= settings.epochs, "{}", last.epoch);
+        let strides: Vec<f64> = all.windows(2).map(|pair| pair[1].epoch - pair[0].epoch).collect();
+        let usual = settings.epochs / all.len() as f64;
+        assert!(strides.iter().all(|stride| (0.2..5.0).contains(&(stride / usual))), "{strides:?}");
+        assert!(state.sized.step > 0 && state.total_steps.unwrap() >= state.step);
+    }
+}
+
+#[test]
 fn the_best_weights_are_those_of_the_best_validation() {
     let folder = tempfile::tempdir().unwrap();
     let settings = settings();
@@ -234,7 +262,7 @@ fn the_best_weights_are_those_of_the_best_validation() {
     let mut network = fresh_network(Frozen::None);
     let sitting = Sitting {
         budget_s: None,
-        tick_s: 0.001,
+        tick_s: |_| 0.001,
         observer: &mut quiet,
         validate: Some(Box::new(&mut validate)),
     };
