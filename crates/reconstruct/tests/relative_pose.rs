@@ -7,7 +7,9 @@ use selenograph_pose::relative::{CannotSay, Refinement};
 use selenograph_raster::Raster;
 use selenograph_reconstruct::learned::Learned;
 use selenograph_reconstruct::matching::Match;
-use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, Options, PoseSource, reconstruct_matched};
+use selenograph_reconstruct::pipeline::{
+    FocalKnowledge, FocalSource, Options, PoseSource, reconstruct_matched,
+};
 use selenograph_reconstruct::priors::{KnownPose, Priors};
 use selenograph_reconstruct::relative_pose::{OrbOptions, SiftOptions, orb, sift};
 use selenograph_reconstruct::{Error, Fill, View};

@@ -72,7 +72,8 @@ fn a_dataset_without_truth() {
     refused(&place, ONE_STEP, "dataset` holds no depth", "--teacher");
     place.run(&format!("{ONE_STEP} --teacher network.safetensors --out run")).ok();
     // Beside pairs with depth its poses teach the one loss that needs no more.
-    let mixed = format!("{ONE_STEP} --data whole --set learning.epochs=2 --set learning.loss.epipolar_weight=1.0");
+    let mixed =
+        format!("{ONE_STEP} --data whole --set learning.epochs=2 --set learning.loss.epipolar_weight=1.0");
     place.run(&format!("{mixed} --out mixed")).ok();
     let records = lines(&place.path("mixed/metrics.jsonl"));
     let of = |record: &serde_json::Value, term: &str| record["terms"][term].as_f64().unwrap_or(0.0);

@@ -240,7 +240,8 @@ impl Mixture {
         let LoaderOptions { seed, augmentation, match_rule, .. } = &self.options;
         let (source, seed) = (&self.sources[draw.source_idx], *seed);
         let request = Request { augmentation, match_rule: *match_rule, size, seed, position };
-        let Fetched { pair_id, lights, drafts, has_depth, sights: cast, is_shaped } = source.fetch(draw, &request)?;
+        let Fetched { pair_id, lights, drafts, has_depth, sights: cast, is_shaped } =
+            source.fetch(draw, &request)?;
         let (drafts, is_copy) = augmentation.reshape(drafts, is_shaped, size, seed, position)?;
         let matches = if has_depth {
             self.matches(&drafts, cast.filter(|_| !is_copy), position)?

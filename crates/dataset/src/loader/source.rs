@@ -271,12 +271,7 @@ fn fetch_triplets(item: &TripletItem, k: PixelConvention, request: &Request<'_>)
 }
 
 /// A view whose picture is as large as its camera says.
-fn checked(
-    path: &Path,
-    levels: Raster<f32>,
-    camera: Camera,
-    truth: ViewTruth,
-) -> Result<Draft, Error> {
+fn checked(path: &Path, levels: Raster<f32>, camera: Camera, truth: ViewTruth) -> Result<Draft, Error> {
     if (levels.width, levels.height) != (camera.width, camera.height) {
         return Err(import::unexpected(
             path,

@@ -189,7 +189,8 @@ impl Tree {
 
 /// Sorts items into their leaves; there are as many cuts as extents, one less than a power of two.
 fn build(items: &mut [Item], cuts: &mut [Cut], extents: &mut [Extent]) {
-    let (Some((cut, cuts)), Some((extent, extents))) = (cuts.split_first_mut(), extents.split_first_mut()) else {
+    let (Some((cut, cuts)), Some((extent, extents))) = (cuts.split_first_mut(), extents.split_first_mut())
+    else {
         return;
     };
     *extent = Extent::around(items);

@@ -63,7 +63,8 @@ pub struct Outcome {
     pub num_items: usize,
     /// Those that were there already.
     pub num_resumed: usize,
-    /// Mean seconds an item of each method took in this run, in the order of the methods; absent where none was computed.
+    /// Mean seconds an item of each method took in this run, in the order of the methods; absent where none was computed. What
+    /// methods share, as a network, counts for the first of them.
     pub seconds_per_item: Vec<Option<f64>>,
     /// What was left out, and why.
     pub skipped: Vec<String>,

@@ -8,7 +8,6 @@ use crate::method::learned::Session;
 use crate::method::{Answer, Item, Method};
 use crate::pair_metrics::{PairMetrics, Promise, Reference};
 use selenograph_reconstruct::{Prediction, View};
-use std::cell::OnceCell;
 
 /// Evaluates what is missing of a pair; also returns how many items it tried.
 pub fn evaluate_pair(
@@ -29,7 +28,13 @@ pub fn evaluate_pair(
         let mut measured = || -> Result<(), Error> {
             let pair = LoadedPair::read(entry, &source.pixels)?;
             result.skipped.extend(pair.left_out.iter().cloned());
-            measure_pair(&pair, settings, &missing, options, &mut result)
+            let lights: Vec<[u64; 2]> = entry
+                .lights
+                .iter()
+                .copied()
+                .filter(|lights| missing.iter().any(|m| m.contains(lights)))
+                .collect();
+            measure_pair(&pair, &lights, settings, &missing, options, &mut result)
         };
         if let Err(error) = measured() {
             // What one method has measured of a pair is not kept without the others: they are compared on the same items.
@@ -49,6 +54,7 @@ struct References {
 
 fn measure_pair(
     pair: &LoadedPair,
+    lights: &[[u64; 2]],
     settings: &Settings,
     missing: &[Vec<[u64; 2]>],
     options: &RunOptions<'_>,
@@ -60,24 +66,23 @@ fn measure_pair(
         rows: settings.reference_frame.as_ref().map(|rows| Reference::new(&truth, rows)).transpose()?,
     };
     let session = options.network.map(Session::new);
-    for (&method, lights) in settings.methods.iter().zip(missing) {
-        let start = (options.clock)();
-        // An anchor says the same under every light.
-        let same: OnceCell<Line> = OnceCell::new();
-        let mut lines = Vec::new();
-        for item in pair.items(lights) {
-            let Some(views) = pair.views([item.light_a, item.light_b]) else { continue };
-            let line = match same.get() {
-                Some(line) => Line { item, ..line.clone() },
-                None => measure_item(method, item, &views, &references, session.as_ref())?,
+    result.lines = vec![Vec::new(); settings.methods.len()];
+    result.seconds = vec![0.0; settings.methods.len()];
+    // Item by item, not method by method: what a network said of an item serves all methods that ask it.
+    for item in pair.items(lights) {
+        let lights = [item.light_a, item.light_b];
+        let Some(views) = pair.views(lights) else { continue };
+        for (n, &method) in settings.methods.iter().enumerate().filter(|(n, _)| missing[*n].contains(&lights))
+        {
+            let start = (options.clock)();
+            let line = match result.lines[n].first() {
+                // An anchor says the same under every light.
+                Some(line) if !method.looks_at_pictures() => Line { item: item.clone(), ..line.clone() },
+                _ => measure_item(method, item.clone(), &views, &references, session.as_ref())?,
             };
-            if !method.looks_at_pictures() {
-                let _ = same.set(line.clone());
-            }
-            lines.push(line);
+            result.lines[n].push(line);
+            result.seconds[n] += (options.clock)() - start;
         }
-        result.lines.push(lines);
-        result.seconds.push((options.clock)() - start);
     }
     Ok(())
 }

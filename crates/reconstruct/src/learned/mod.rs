@@ -188,12 +188,7 @@ impl Problem<'_> {
         self.options.threshold_px * self.learned.match_px
     }
 
-    fn judged(
-        &self,
-        matches: &[Match],
-        pose: &Rigid3<CamB, CamA>,
-        tolerance_px: f64,
-    ) -> Vec<PairMatch> {
+    fn judged(&self, matches: &[Match], pose: &Rigid3<CamB, CamA>, tolerance_px: f64) -> Vec<PairMatch> {
         let judge = Judge::new(pose, self.cameras, tolerance_px);
         matches.iter().map(|m| judge.judged(m.a, m.b, None)).collect()
     }

@@ -203,10 +203,8 @@ fn what_tells_nothing_gives_no_pose() {
     let cameras = [&camera, &camera];
     let truth = truth(cameras, &true_pose(), Places::Whole);
     // The same picture twice: every match stands still, and sure points do not help.
-    let still = Learned {
-        matches: truth.matches.iter().map(|m| Match { b: m.a, ..*m }).collect(),
-        ..truth.clone()
-    };
+    let still =
+        Learned { matches: truth.matches.iter().map(|m| Match { b: m.a, ..*m }).collect(), ..truth.clone() };
     let solved = solve(cameras, &still, None, &LearnedOptions::default()).unwrap();
     assert!(matches!(solved.prediction.cam_b_from_cam_a, Err(CannotSay::NoParallax { .. })));
     // Points that stand where they are seen from A: no parallax either.

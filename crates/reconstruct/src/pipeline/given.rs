@@ -66,13 +66,7 @@ pub(super) fn start(
     let matches: Vec<PairMatch> = places.map(|(m, sigma_px)| judge.judged(m.a, m.b, sigma_px)).collect();
     let inliers = matches.iter().filter(|m| m.inlier).count();
     let squares: f64 = matches.iter().filter(|m| m.inlier).map(|m| m.residual_px.powi(2)).sum();
-    let counts = Counts {
-        features,
-        matches: found.len(),
-        first_inliers: num_agreeing,
-        refined,
-        inliers,
-    };
+    let counts = Counts { features, matches: found.len(), first_inliers: num_agreeing, refined, inliers };
     let source = PoseSource::Given {
         agreeing: num_agreeing,
         matches: found.len(),

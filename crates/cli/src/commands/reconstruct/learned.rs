@@ -39,8 +39,8 @@ impl Choice {
     pub fn new(args: &Reconstruct) -> anyhow::Result<Self> {
         network::weights(&args.network)?;
         let takes_points = args.method == Method::Mast3r;
-        let is_usual =
-            args.learned.points_from == PointsFrom::default() && args.learned.pose_from == PoseFrom::default();
+        let is_usual = args.learned.points_from == PointsFrom::default()
+            && args.learned.pose_from == PoseFrom::default();
         if !takes_points && !is_usual {
             return Err(refuse(
                 "--points-from and --pose-from are for the method `mast3r`",
