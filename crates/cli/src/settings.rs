@@ -53,10 +53,8 @@ impl Layers {
     /// Lays the text of a TOML file, and the preset that it names, over what is there.
     fn add_text(&mut self, text: &str, origin: &str) -> anyhow::Result<()> {
         // The text by itself first: only here are its lines known. Values are checked when all layers are together.
-        if let Err(error @ Error::Campaign { .. }) = Campaign::from_toml(&without_preset(text)) {
-            return Err(error).context(origin.to_owned());
-        }
-        let mut table: Table = text.parse().with_context(|| origin.to_owned())?;
+        let alone = Campaign::from_toml(&without_preset(text)).map(|_| ());
+        let Ok(mut table) = text.parse::<Table>() else { return alone.context(origin.to_owned()) };
         match table.remove(PRESET_KEY) {
             Some(Value::String(_)) if !self.layers.is_empty() => {
                 return Err(refuse(
@@ -74,7 +72,15 @@ impl Layers {
             None => {}
         }
         self.add_table(table, origin.to_owned());
-        Ok(())
+        match alone {
+            // One end of a range is no range by itself, and one over what is there.
+            Err(error @ Error::Campaign { .. }) if self.is_malformed() => Err(error).context(origin.to_owned()),
+            _ => Ok(()),
+        }
+    }
+
+    fn is_malformed(&self) -> bool {
+        matches!(Campaign::from_table(self.merged.clone()), Err(Error::Campaign { .. }))
     }
 
     /// Lays one `key=value` over what is there; the value is TOML, or a string where it is none.
@@ -181,6 +187,18 @@ mod tests {
         assert_eq!(layers.origin("render.shadows"), "--set render.shadows");
         assert!(layers.add_assignment("render.shadows").is_err());
         assert!(layers.campaign().is_ok());
+    }
+
+    #[test]
+    fn one_end_of_a_range_is_set_over_what_is_there() {
+        let mut layers = Layers::default();
+        layers.add_preset("hard-cases").unwrap();
+        layers.add_assignment("sites.lat_deg.max=-88.5").unwrap();
+        let lat_deg = layers.campaign().unwrap().sites.lat_deg;
+        assert_eq!((lat_deg.min, lat_deg.max), (-90.0, -88.5));
+        // Where nothing is there it is still no range, and a key that does not exist is none.
+        assert!(layers.add_assignment("sites.lon_deg.max=20.0").is_err());
+        assert!(layers.add_assignment("sites.lat_deg.most=20.0").is_err());
     }
 
     #[test]
