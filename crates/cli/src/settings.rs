@@ -74,7 +74,9 @@ impl Layers {
         self.add_table(table, origin.to_owned());
         match alone {
             // One end of a range is no range by itself, and one over what is there.
-            Err(error @ Error::Campaign { .. }) if self.is_malformed() => Err(error).context(origin.to_owned()),
+            Err(error @ Error::Campaign { .. }) if self.is_malformed() => {
+                Err(error).context(origin.to_owned())
+            }
             _ => Ok(()),
         }
     }

@@ -58,23 +58,24 @@ pub fn above_chance(
     log_tests - m * divergence < FALSE_ALARMS.ln()
 }
 
-/// Parallax below this multiple of the noise (of variances) says nothing about a direction.
-const PARALLAX_TO_NOISE: f64 = 2.0;
-/// Noise is never taken as less than this part of the inlier threshold: below it interpolation decides, whose errors are alike in
-/// neighbouring windows and would pass as parallax.
-const NOISE_FLOOR: f64 = 0.02;
+/// Parallax below this multiple of the noise (of variances) says nothing about a direction. Errors of neighbouring matches are alike,
+/// and the motion has taken the direction in which they are least: pictures taken twice from one place show up to 4.2, those with
+/// a baseline of a twenty-fifth of the height 21 and more.
+const PARALLAX_TO_NOISE: f64 = 4.0;
 /// Share of the matches that may lie far from the rotation by chance (outliers on their epipolar lines).
 const STRAY_SHARE: f64 = 0.05;
 
 /// What a rotation leaves unexplained, where that is no more than noise; none where the matches show parallax.
 ///
 /// A rotation explains both coordinates of a match, an essential matrix only one: the distance along the epipolar line is free. Without parallax
-/// that free part has the size of the constrained one. The two variances are compared over the inliers of the motion.
+/// that free part has the size of the constrained one. The two variances are compared over the inliers of the motion; noise is taken
+/// as `least_noise` at least.
 pub fn without_parallax(
     pairs: &Pairs,
     motion: &Motion,
     rotation: &Matrix3<f64>,
     threshold: f64,
+    least_noise: f64,
     chance: f64,
 ) -> Option<f64> {
     let e = motion.essential();
@@ -100,8 +101,7 @@ pub fn without_parallax(
     if near < 6.0 || stray > by_chance.max(STRAY_SHARE * total) {
         return None;
     }
-    let floor = NOISE_FLOOR * threshold;
-    let noise = (across / (near - 5.0)).max(floor * floor);
+    let noise = (across / (near - 5.0)).max(least_noise * least_noise);
     let along = ((both - across) / near).max(0.0);
     let bound = PARALLAX_TO_NOISE + 6.0 * (2.0 / near).sqrt();
     (along < bound * noise).then(|| (both / near).sqrt())

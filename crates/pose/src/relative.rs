@@ -68,6 +68,9 @@ pub enum Order {
 pub struct RelativeOptions {
     /// Largest Sampson distance of an inlier, on the plane `z = 1` (pixels divided by the focal length).
     pub threshold: f64,
+    /// What matches are off by at least, however well they agree, on the plane `z = 1`: below it interpolation decides, or the
+    /// raster of whole pixels, whose errors are alike in neighbouring matches and would pass as parallax.
+    pub least_noise: f64,
     /// Seed of the samples.
     pub seed: u64,
     /// Probability with which no better sample was missed.
@@ -81,10 +84,11 @@ pub struct RelativeOptions {
 }
 
 impl Default for RelativeOptions {
-    /// One pixel at the focal length of a 512-pixel picture of 45°.
+    /// One pixel, and a tenth for the noise, at the focal length of a 512-pixel picture of 45°.
     fn default() -> Self {
         Self {
             threshold: 1.0 / 618.0,
+            least_noise: 0.1 / 618.0,
             seed: 0,
             confidence: 0.9999,
             max_iterations: 10_000,
@@ -323,7 +327,10 @@ impl<'a> Problem<'a> {
         let n = self.pairs.len();
         let limit = 2.0 * self.options.threshold * self.options.threshold;
         let residual = match motion {
-            Some(motion) => without_parallax(&self.pairs, motion, rotation, self.options.threshold, chance),
+            Some(motion) => {
+                let RelativeOptions { threshold, least_noise, .. } = *self.options;
+                without_parallax(&self.pairs, motion, rotation, threshold, least_noise, chance)
+            }
             None => {
                 let turned =
                     (0..n).filter(|&i| transfer_squared(rotation, &self.pairs.at(i)) < limit).count();

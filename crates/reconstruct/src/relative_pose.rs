@@ -18,6 +18,13 @@ const MIN_MATCHES: usize = 8;
 /// would be exact and still worse.
 const MIN_REFINED_SHARE: f64 = 0.5;
 
+/// What features are off by at least, pixels.
+const FEATURE_NOISE_PX: f64 = 0.1;
+/// What aligned windows are off by at least, pixels: two pictures from one place show up to 0.02 that is alike in neighbours.
+const WINDOW_NOISE_PX: f64 = 0.03;
+/// Standard deviation of a place that is rounded to the middle of its pixel, pixels.
+pub(crate) const WHOLE_PIXEL_NOISE_PX: f64 = 0.29;
+
 /// Settings of the chain called `sift`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -60,9 +67,11 @@ impl Default for SiftOptions {
 }
 
 impl SiftOptions {
-    fn robust(&self, threshold_px: f64, cameras: [&Camera; 2]) -> RelativeOptions {
+    fn robust(&self, threshold_px: f64, noise_px: f64, cameras: [&Camera; 2]) -> RelativeOptions {
+        let focal_px = mean_focal_px(cameras);
         RelativeOptions {
-            threshold: threshold_px / mean_focal_px(cameras),
+            threshold: threshold_px / focal_px,
+            least_noise: noise_px / focal_px,
             seed: self.seed,
             ..RelativeOptions::default()
         }
@@ -182,7 +191,8 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
     let mut attempt = |features: &sift::Options| {
         let found =
             matched([&seen_a, &seen_b], features, &options.matching, &mut counts, &mut durations, &mut clock);
-        let estimated = Estimated::new(&found, None, cameras, &options.robust(options.threshold_px, cameras));
+        let robust = options.robust(options.threshold_px, FEATURE_NOISE_PX, cameras);
+        let estimated = Estimated::new(&found, None, cameras, &robust);
         durations.estimate += clock.lap();
         estimated.map(|estimated| (found, estimated))
     };
@@ -201,8 +211,8 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
     first.aligned(&found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
 }
 
-/// The chain from any matcher's matches on: robust estimate within `threshold_px`, aligned windows, Sampson refinement. Of
-/// `options` only what comes after the matching counts.
+/// The chain from any matcher's matches on, which are good to pixels of side `match_px`: robust estimate, aligned windows, Sampson
+/// refinement. Of `options` only what comes after the matching counts, `threshold_px` in pixels of the matcher.
 ///
 /// # Errors
 /// As [`sift()`].
@@ -210,7 +220,7 @@ pub fn of_matches(
     a: &View,
     b: &View,
     found: &[Match],
-    threshold_px: f64,
+    match_px: f64,
     options: &SiftOptions,
 ) -> Result<PairPose, CannotSay> {
     let mut clock = Clock::start();
@@ -219,7 +229,8 @@ pub fn of_matches(
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
-    let first = Estimated::new(found, None, cameras, &options.robust(threshold_px, cameras))?;
+    let robust = options.robust(options.threshold_px * match_px, WHOLE_PIXEL_NOISE_PX * match_px, cameras);
+    let first = Estimated::new(found, None, cameras, &robust)?;
     let durations = Durations { estimate: clock.lap(), ..Durations::default() };
     let counts = Counts { matches: found.len(), ..Counts::default() };
     first.aligned(found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
@@ -258,6 +269,7 @@ pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotS
     let cameras = [&a.camera, &b.camera];
     let robust = RelativeOptions {
         threshold: options.threshold_px / mean_focal_px(cameras),
+        least_noise: FEATURE_NOISE_PX / mean_focal_px(cameras),
         seed: options.seed,
         confidence: options.confidence,
         refinement: options.refinement,
@@ -372,7 +384,7 @@ impl Estimated {
             let sigmas: Vec<f64> = refined.iter().map(|r| r.sigma_px).collect();
             let aligned: Vec<Match> =
                 refined.iter().map(|r| Match { a: r.a, b: r.b, score: -r.sigma_px }).collect();
-            let robust = options.robust(options.refined_threshold_px, cameras);
+            let robust = options.robust(options.refined_threshold_px, WINDOW_NOISE_PX, cameras);
             Self::new(&aligned, Some(&sigmas), cameras, &robust)
         });
         durations.refinement = clock.lap();

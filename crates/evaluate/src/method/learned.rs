@@ -124,10 +124,9 @@ impl<'a> Session<'a> {
         let prediction = match points {
             PointsOf::Network => solve(cameras, learned, None, geometry)?.prediction,
             PointsOf::Stereo => {
-                let options = SiftOptions::default();
                 let [a, b] = views;
-                let threshold_px = options.threshold_px * learned.match_px;
-                pictures::dense(views, of_matches(a, b, &learned.matches, threshold_px, &options))
+                let options = SiftOptions::default();
+                pictures::dense(views, of_matches(a, b, &learned.matches, learned.match_px, &options))
             }
         };
         let reference = by_reference(&learned.matches, cameras, geometry.seed);

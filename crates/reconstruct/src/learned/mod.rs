@@ -12,7 +12,7 @@ use crate::matching::Match;
 use crate::pipeline::{PoseSource, Warning};
 use crate::prediction::Prediction;
 use crate::priors::KnownPose;
-use crate::relative_pose::{PairMatch, mean_focal_px};
+use crate::relative_pose::{PairMatch, WHOLE_PIXEL_NOISE_PX, mean_focal_px};
 use crate::triangulate::matched;
 use selenograph_geometry::{CamA, CamB, Camera, Point2, Point3, Rigid3};
 use selenograph_pose::relative::{CannotSay, RelativeOptions, RelativePose};
@@ -127,24 +127,6 @@ pub fn solve(
         Some(known) => problem.with_given(known),
         None => problem.with_estimated(),
     }
-}
-
-/// The relative pose that the matches tell, refined.
-///
-/// # Errors
-/// [`CannotSay`], with the reason.
-pub fn pose_of_matches(
-    cameras: [&Camera; 2],
-    matches: &[Match],
-    threshold_px: f64,
-    seed: u64,
-) -> Result<RelativePose, CannotSay> {
-    let options = RelativeOptions {
-        threshold: threshold_px / mean_focal_px(cameras),
-        seed,
-        ..RelativeOptions::default()
-    };
-    selenograph_pose::relative::estimate(&on_plane(cameras, matches), &options)
 }
 
 fn on_plane(cameras: [&Camera; 2], matches: &[Match]) -> Vec<selenograph_pose::relative::Match> {
@@ -282,6 +264,18 @@ impl Problem<'_> {
         length::measure(maps, pose, self.cameras, matches)
     }
 
+    /// The relative pose that the matches tell, refined.
+    fn pose_of_matches(&self) -> Result<RelativePose, CannotSay> {
+        let focal_px = mean_focal_px(self.cameras);
+        let options = RelativeOptions {
+            threshold: self.threshold_px() / focal_px,
+            least_noise: WHOLE_PIXEL_NOISE_PX * self.learned.match_px / focal_px,
+            seed: self.options.seed,
+            ..RelativeOptions::default()
+        };
+        selenograph_pose::relative::estimate(&on_plane(self.cameras, &self.learned.matches), &options)
+    }
+
     fn estimated(&self, warnings: &mut Vec<Warning>) -> Result<(Rigid3<CamB, CamA>, PoseSource), CannotSay> {
         let maps = self.learned.pointmaps.as_ref();
         match self.options.pose {
@@ -291,13 +285,7 @@ impl Problem<'_> {
                 Ok((located.cam_b_from_cam_a, located.source()))
             }
             PoseFrom::Matches => {
-                let found = pose_of_matches(
-                    self.cameras,
-                    &self.learned.matches,
-                    self.threshold_px(),
-                    self.options.seed,
-                );
-                match (found, maps) {
+                match (self.pose_of_matches(), maps) {
                     (Ok(found), _) => Ok((found.cam_b_from_cam_a, PoseSource::Estimated(Box::new(found)))),
                     // Without parallax the points have no better answer: they only look as if they had.
                     (Err(why @ CannotSay::NoParallax { .. }), _) | (Err(why), None) => Err(why),

@@ -108,9 +108,7 @@ impl Matcher<'_> {
     fn pose(self, a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
         match self {
             Self::Sift => relative_pose::sift(a, b, options),
-            Self::Given(found, match_px) => {
-                relative_pose::of_matches(a, b, found, options.threshold_px * match_px, options)
-            }
+            Self::Given(found, match_px) => relative_pose::of_matches(a, b, found, match_px, options),
         }
     }
 }
