@@ -71,6 +71,9 @@ pub struct RelativeOptions {
     /// What matches are off by at least, however well they agree, on the plane `z = 1`: below it interpolation decides, or the
     /// raster of whole pixels, whose errors are alike in neighbouring matches and would pass as parallax.
     pub least_noise: f64,
+    /// Matches that are one piece of evidence, being decided together: 1 for features, more for the smooth matches of a network, of
+    /// which whole patches agree with a wrong motion by chance.
+    pub per_evidence: f64,
     /// Seed of the samples.
     pub seed: u64,
     /// Probability with which no better sample was missed.
@@ -89,6 +92,7 @@ impl Default for RelativeOptions {
         Self {
             threshold: 1.0 / 618.0,
             least_noise: 0.1 / 618.0,
+            per_evidence: 1.0,
             seed: 0,
             confidence: 0.9999,
             max_iterations: 10_000,
@@ -204,7 +208,7 @@ pub fn estimate(matches: &[Match], options: &RelativeOptions) -> Result<Relative
     let inliers = support.as_ref().map(|support| support.agreeing(&problem.pairs));
     let num_inliers = inliers.as_ref().map_or(0, Pairs::len);
     let chance = support.as_ref().map_or(1.0, |support| support.chance);
-    let supported = above_chance(num_inliers, problem.pairs.len(), 5, 10.0, chance);
+    let supported = problem.above_chance(num_inliers, 5, 10.0, chance);
     if let Some(rotation) = rotation {
         let motion = motion.as_ref().filter(|_| supported);
         problem.refuse_without_parallax(motion, &rotation, chance)?;
@@ -250,6 +254,12 @@ impl<'a> Problem<'a> {
             order
         });
         Ok(Self { matches, options, pairs, order })
+    }
+
+    /// Whether so many of all matches agree as hardly would by chance.
+    fn above_chance(&self, inliers: usize, sample: usize, models_per_sample: f64, chance: f64) -> bool {
+        let evidence = |count: usize| (count as f64 / self.options.per_evidence.max(1.0)) as usize;
+        above_chance(evidence(inliers), evidence(self.pairs.len()), sample, models_per_sample, chance)
     }
 
     fn search(&self, local: Local, min_iterations: usize, max_iterations: usize) -> Search<'_> {
@@ -335,7 +345,7 @@ impl<'a> Problem<'a> {
                 let turned =
                     (0..n).filter(|&i| transfer_squared(rotation, &self.pairs.at(i)) < limit).count();
                 let by_chance = chance_share(&self.pairs, |pair| transfer_squared(rotation, pair) < limit);
-                above_chance(turned, n, 2, 1.0, by_chance).then(|| self.rotation_residual(rotation, limit))
+                self.above_chance(turned, 2, 1.0, by_chance).then(|| self.rotation_residual(rotation, limit))
             }
         };
         let Some(residual) = residual else { return Ok(()) };

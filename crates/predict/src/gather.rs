@@ -5,9 +5,10 @@ use crate::{Error, Passes, PredictOptions, grid, matches};
 use selenograph_engine::HeadOutput;
 use selenograph_engine::focal::focal_of_pointmap;
 use selenograph_geometry::{Camera, pixel};
-use selenograph_network::config::ConfidenceMode;
+use selenograph_network::NetworkConfig;
 use selenograph_network::input::Plan;
 use selenograph_reconstruct::learned::Learned;
+use selenograph_reconstruct::matching::Grain;
 use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, LearnedInput};
 
 /// Focal lengths that are believed, in widths of the picture: fields of view of 103° to 7°.
@@ -38,7 +39,7 @@ pub(crate) fn gather(
     outputs: Outputs<'_>,
     views: [Seen<'_>; 2],
     focal: FocalKnowledge,
-    mode: ConfidenceMode,
+    config: &NetworkConfig,
     options: &PredictOptions,
 ) -> Result<LearnedInput, Error> {
     let Outputs { forward, backward } = outputs;
@@ -54,22 +55,24 @@ pub(crate) fn gather(
         let found = matches::find(forward, backward, plans, options)?;
         (found.published, found.dense)
     };
-    let maps = [0, 1].map(|k| grid::pointmap(&forward[k], plans[k], mode));
-    let learned = Learned { pointmaps: Some(maps), matches, dense_matches, match_px: match_px(views) };
+    let maps = [0, 1].map(|k| grid::pointmap(&forward[k], plans[k], config.confidence));
+    let grain = grain(views, config.patch_px);
+    let learned = Learned { pointmaps: Some(maps), matches, dense_matches, grain };
     Ok(LearnedInput { learned, cameras, focal })
 }
 
 /// What is said of pictures of which one shows nothing.
-pub(crate) fn nothing(views: [Seen<'_>; 2], focal: FocalKnowledge) -> LearnedInput {
-    let match_px = match_px(views);
-    let learned = Learned { pointmaps: None, matches: Vec::new(), dense_matches: Some(Vec::new()), match_px };
+pub(crate) fn nothing(views: [Seen<'_>; 2], focal: FocalKnowledge, patch_px: usize) -> LearnedInput {
+    let grain = grain(views, patch_px);
+    let learned = Learned { pointmaps: None, matches: Vec::new(), dense_matches: Some(Vec::new()), grain };
     let (cameras, focal) = assumed(views, focal);
     LearnedInput { learned, cameras, focal }
 }
 
-/// Side of a pixel of the inputs in pixels of the pictures, their geometric mean.
-fn match_px([a, b]: [Seen<'_>; 2]) -> f64 {
-    (pixel_side(a.plan) * pixel_side(b.plan)).sqrt()
+/// A pixel of the inputs in pixels of the pictures, the geometric mean of both; and a patch of A.
+fn grain([a, b]: [Seen<'_>; 2], patch_px: usize) -> Grain {
+    let [a, b] = [a, b].map(|view| pixel_side(view.plan));
+    Grain { match_px: (a * b).sqrt(), patch_px: a * patch_px as f64 }
 }
 
 /// Side of a pixel of the input in pixels of the picture.

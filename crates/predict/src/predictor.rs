@@ -237,13 +237,13 @@ impl Predictor {
         let views = [Seen::of(a), Seen::of(b)];
         if a.is_blank || b.is_blank {
             // A network has an answer to blank paper too.
-            return Ok(Predicted { input: nothing(views, focal), notes });
+            return Ok(Predicted { input: nothing(views, focal, self.loaded.config().patch_px), notes });
         }
         let both_ways = self.options.passes == Passes::Symmetric || focal == FocalKnowledge::Guessed;
         let (forward, backward) = self.decode([a, b], both_ways, progress)?;
         progress(Progress { step: Step::Match, done: 0, of: 1 });
         let outputs = Outputs { forward: &forward, backward: backward.as_ref() };
-        let input = gather(outputs, views, focal, self.loaded.config().confidence, &self.options)?;
+        let input = gather(outputs, views, focal, self.loaded.config(), &self.options)?;
         progress(Progress { step: Step::Match, done: 1, of: 1 });
         Ok(Predicted { input, notes })
     }

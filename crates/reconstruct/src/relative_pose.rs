@@ -2,7 +2,7 @@
 
 use crate::features::intensity::Intensity;
 use crate::features::{orb, sift};
-use crate::matching::{self, Match};
+use crate::matching::{self, Grain, Match};
 use crate::subpixel;
 use crate::view::View;
 use selenograph_geometry::{Camera, Point2};
@@ -211,8 +211,7 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
     first.aligned(&found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
 }
 
-/// The chain from any matcher's matches on, which are good to pixels of side `match_px`: robust estimate, aligned windows, Sampson
-/// refinement. Of `options` only what comes after the matching counts, `threshold_px` in pixels of the matcher.
+/// The chain from any matcher's matches on, robust estimate, aligned windows, Sampson refinement. Of `options` only what comes after the matching counts, `threshold_px` in pixels of the matcher.
 ///
 /// # Errors
 /// As [`sift()`].
@@ -220,7 +219,7 @@ pub fn of_matches(
     a: &View,
     b: &View,
     found: &[Match],
-    match_px: f64,
+    grain: Grain,
     options: &SiftOptions,
 ) -> Result<PairPose, CannotSay> {
     let mut clock = Clock::start();
@@ -229,7 +228,11 @@ pub fn of_matches(
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
-    let robust = options.robust(options.threshold_px * match_px, WHOLE_PIXEL_NOISE_PX * match_px, cameras);
+    let [threshold_px, noise_px] = [options.threshold_px, WHOLE_PIXEL_NOISE_PX].map(|px| px * grain.match_px);
+    let robust = RelativeOptions {
+        per_evidence: grain.per_patch(found),
+        ..options.robust(threshold_px, noise_px, cameras)
+    };
     let first = Estimated::new(found, None, cameras, &robust)?;
     let durations = Durations { estimate: clock.lap(), ..Durations::default() };
     let counts = Counts { matches: found.len(), ..Counts::default() };

@@ -6,7 +6,7 @@ use selenograph_geometry::{CamA, CamB, Camera, Distortion, Point2, Point3, Rigid
 use selenograph_pose::relative::{CannotSay, Refinement};
 use selenograph_raster::Raster;
 use selenograph_reconstruct::learned::Learned;
-use selenograph_reconstruct::matching::Match;
+use selenograph_reconstruct::matching::{Grain, Match};
 use selenograph_reconstruct::pipeline::{
     FocalKnowledge, FocalSource, Options, PoseSource, reconstruct_matched,
 };
@@ -176,7 +176,8 @@ fn coarse_matches(a: &View, b: &View, b_from_a: &Rigid3<CamB, CamA>) -> Learned 
         let is_inside = seen.x > 0.0 && seen.y > 0.0 && seen.x < 360.0 && seen.y < 400.0;
         is_inside.then(|| Match { a: at, b: Point2::new(middle(seen.x), middle(seen.y)), score: 1.0 })
     });
-    Learned { pointmaps: None, matches: matched.collect(), dense_matches: None, match_px: COARSE_PX }
+    let grain = Grain { match_px: COARSE_PX, patch_px: 8.0 * COARSE_PX };
+    Learned { pointmaps: None, matches: matched.collect(), dense_matches: None, grain }
 }
 
 #[test]

@@ -126,7 +126,7 @@ impl<'a> Session<'a> {
             PointsOf::Stereo => {
                 let [a, b] = views;
                 let options = SiftOptions::default();
-                pictures::dense(views, of_matches(a, b, &learned.matches, learned.match_px, &options))
+                pictures::dense(views, of_matches(a, b, &learned.matches, learned.grain, &options))
             }
         };
         let reference = by_reference(&learned.matches, cameras, geometry.seed);

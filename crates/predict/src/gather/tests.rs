@@ -3,6 +3,8 @@
 use super::*;
 use crate::{Border, Density, Rule, SquareCrop};
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, Rotation3};
+use selenograph_network::Preset;
+use selenograph_network::config::ConfidenceMode;
 use selenograph_pose::relative::CannotSay;
 use selenograph_reconstruct::Fill;
 use selenograph_reconstruct::learned::{LearnedOptions, PointsFrom, solve};
@@ -91,7 +93,8 @@ impl Scene {
     fn gather(&self, focal: FocalKnowledge, options: &PredictOptions) -> LearnedInput {
         let views = [0, 1].map(|k| Seen { camera: &self.cameras[k], plan: &self.plans[k] });
         let outputs = Outputs { forward: &self.forward, backward: Some(&self.backward) };
-        gather(outputs, views, focal, MODE, options).unwrap()
+        let config = NetworkConfig { confidence: MODE, ..Preset::Tiny.config() };
+        gather(outputs, views, focal, &config, options).unwrap()
     }
 }
 
@@ -211,7 +214,7 @@ fn both_ways_and_dense_matches() {
 fn blank_pictures_and_networks_without_descriptors() {
     let mut scene = Scene::new([[96, 96]; 2], WHOLE);
     let views = [0, 1].map(|k| Seen { camera: &scene.cameras[k], plan: &scene.plans[k] });
-    let said = nothing(views, FocalKnowledge::Known);
+    let said = nothing(views, FocalKnowledge::Known, 16);
     let solved = solve(said.cameras.each_ref(), &said.learned, None, &LearnedOptions::default()).unwrap();
     assert!(matches!(solved.prediction.cam_b_from_cam_a, Err(CannotSay::TooFewMatches { found: 0, .. })));
     assert!(solved.prediction.views.is_none());

@@ -51,7 +51,7 @@ pub(super) fn locate([_, of_b]: &[Pointmap; 2], problem: &Problem<'_>) -> Result
     }
     let focal_px = mean_focal_px([camera, camera]);
     let settings = AbsoluteOptions {
-        threshold: options.reprojection_px * problem.learned.match_px / focal_px,
+        threshold: options.reprojection_px * problem.learned.grain.match_px / focal_px,
         seed: options.seed,
         ..AbsoluteOptions::default()
     };

@@ -8,7 +8,7 @@ mod surface;
 
 use crate::Error;
 use crate::judge::Judge;
-use crate::matching::Match;
+use crate::matching::{Grain, Match};
 use crate::pipeline::{PoseSource, Warning};
 use crate::prediction::Prediction;
 use crate::priors::KnownPose;
@@ -37,8 +37,8 @@ pub struct Learned {
     pub matches: Vec<Match>,
     /// Matches of as many pixels as have one, where they were asked for.
     pub dense_matches: Option<Vec<Match>>,
-    /// Side of a matched pixel in pixels of the pictures: above 1 for pictures that were made smaller.
-    pub match_px: f64,
+    /// How fine it sees.
+    pub grain: Grain,
 }
 
 /// Where the relative pose comes from, unless it is given.
@@ -167,7 +167,7 @@ struct Problem<'a> {
 
 impl Problem<'_> {
     fn threshold_px(&self) -> f64 {
-        self.options.threshold_px * self.learned.match_px
+        self.options.threshold_px * self.learned.grain.match_px
     }
 
     fn judged(&self, matches: &[Match], pose: &Rigid3<CamB, CamA>, tolerance_px: f64) -> Vec<PairMatch> {
@@ -177,7 +177,7 @@ impl Problem<'_> {
 
     fn with_given(&self, known: &KnownPose) -> Result<Solved, Error> {
         let pose = known.cam_b_from_cam_a;
-        let tolerance_px = crate::pipeline::GIVEN_TOLERANCE_PX * self.learned.match_px;
+        let tolerance_px = crate::pipeline::GIVEN_TOLERANCE_PX * self.learned.grain.match_px;
         let matches = self.judged(&self.learned.matches, &pose, tolerance_px);
         let source = PoseSource::given(&matches);
         let mut warnings: Vec<Warning> = source.warning().into_iter().collect();
@@ -269,7 +269,8 @@ impl Problem<'_> {
         let focal_px = mean_focal_px(self.cameras);
         let options = RelativeOptions {
             threshold: self.threshold_px() / focal_px,
-            least_noise: WHOLE_PIXEL_NOISE_PX * self.learned.match_px / focal_px,
+            least_noise: WHOLE_PIXEL_NOISE_PX * self.learned.grain.match_px / focal_px,
+            per_evidence: self.learned.grain.per_patch(&self.learned.matches),
             seed: self.options.seed,
             ..RelativeOptions::default()
         };
@@ -310,7 +311,7 @@ impl Problem<'_> {
             why: "there are no dense matches".into(),
         })?;
         let mut judged = self.judged(dense, pose, tolerance_px);
-        let sigma_px = surface::sigma_px(&judged, self.learned.match_px);
+        let sigma_px = surface::sigma_px(&judged, self.learned.grain.match_px);
         for m in &mut judged {
             m.sigma_px = Some(sigma_px);
         }

@@ -77,7 +77,12 @@ fn truth(cameras: [&Camera; 2], pose: &Rigid3<CamB, CamA>, places: Places) -> Le
         matches
     };
     let (matches, dense) = (matches_of(8), matches_of(1));
-    Learned { pointmaps: Some(pointmaps), matches, dense_matches: Some(dense), match_px: 1.0 }
+    Learned {
+        pointmaps: Some(pointmaps),
+        matches,
+        dense_matches: Some(dense),
+        grain: Grain { match_px: 1.0, patch_px: 16.0 },
+    }
 }
 
 fn angle_deg(found: &Rigid3<CamB, CamA>) -> f64 {
@@ -252,6 +257,24 @@ fn what_tells_nothing_gives_no_pose() {
     };
     let solved = solve(cameras, &noise, None, &LearnedOptions::default()).unwrap();
     assert!(solved.prediction.cam_b_from_cam_a.is_err(), "{:?}", solved.prediction.cam_b_from_cam_a);
+    // Smooth wrong matches, as a network gives of pictures with nothing in common: whole patches agree with a motion by chance,
+    // which is only seen if a patch counts once.
+    let mut fooled = 0;
+    for seed in 0..12 {
+        let mut smooth = still.clone();
+        for m in &mut smooth.matches {
+            let patch = 10 * (m.a.y as usize / 32) + m.a.x as usize / 32;
+            let shift = |n: usize| (60.0 * (anywhere(patch + 211 * seed, n) - 0.5)).round();
+            m.b += nalgebra::Vector2::new(shift(101), shift(389));
+        }
+        let pose = |grain: Grain| {
+            let smooth = Learned { grain, pointmaps: None, ..smooth.clone() };
+            solve(cameras, &smooth, None, &LearnedOptions::default()).unwrap().prediction.cam_b_from_cam_a
+        };
+        assert!(pose(Grain { match_px: 1.0, patch_px: 32.0 }).is_err(), "{seed}");
+        fooled += usize::from(pose(Grain { match_px: 1.0, patch_px: 0.0 }).is_ok());
+    }
+    assert!(fooled > 0, "no seed shows it");
     // A given pose that fits nothing: no size can be told.
     let known = KnownPose { cam_b_from_cam_a: true_pose(), metric: true };
     let error =

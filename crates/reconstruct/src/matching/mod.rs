@@ -7,6 +7,7 @@ mod tile;
 use crate::features::{Features, orb, sift};
 use selenograph_geometry::Point2;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// One place seen in both pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +19,28 @@ pub struct Match {
     /// Higher is better, and only the order is used: of features how far the nearest neighbour stands out from the second, 1 −
     /// the ratio of their distances.
     pub score: f64,
+}
+
+/// How fine a matcher of pixels sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grain {
+    /// Side of a matched pixel in pixels of the pictures: above 1 for pictures that were made smaller.
+    pub match_px: f64,
+    /// Side, in pixels of the pictures, of the parts whose matches are decided together, such as a network's patches; 0 where each
+    /// match stands for itself.
+    pub patch_px: f64,
+}
+
+impl Grain {
+    /// Matches that share a patch of picture A, on average.
+    pub fn per_patch(&self, matches: &[Match]) -> f64 {
+        if self.patch_px <= 0.0 || matches.is_empty() {
+            return 1.0;
+        }
+        let patch = |m: &Match| [m.a.x, m.a.y].map(|v| (v / self.patch_px).floor() as i64);
+        let patches: BTreeSet<[i64; 2]> = matches.iter().map(patch).collect();
+        matches.len() as f64 / patches.len() as f64
+    }
 }
 
 /// Which pairs of features count.

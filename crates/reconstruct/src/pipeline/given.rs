@@ -36,7 +36,7 @@ pub(super) fn start(
     let (seen_a, seen_b) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image));
     let (Some(seen_a), Some(seen_b)) = (seen_a, seen_b) else { return Err(too_few(0).into()) };
     let (found, features, tolerance_px) = match matcher {
-        Matcher::Given(found, match_px) => (found.to_vec(), [0, 0], TOLERANCE_PX * match_px),
+        Matcher::Given(found, grain) => (found.to_vec(), [0, 0], TOLERANCE_PX * grain.match_px),
         Matcher::Sift => {
             let (a, b) = rayon::join(
                 || sift::detect_in(&seen_a, &options.features),

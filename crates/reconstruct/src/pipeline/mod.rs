@@ -11,7 +11,7 @@ pub(crate) use given::TOLERANCE_PX as GIVEN_TOLERANCE_PX;
 pub use learned::{LearnedInput, reconstruct_learned};
 
 use crate::learned::Learned;
-use crate::matching::Match;
+use crate::matching::{Grain, Match};
 use crate::priors::Priors;
 use crate::relative_pose::{self, PairPose, SiftOptions};
 use crate::stereo::{self, Seed, StereoOptions};
@@ -100,15 +100,15 @@ impl Stage {
 enum Matcher<'a> {
     /// Those of features.
     Sift,
-    /// Given ones, of pixels of this side.
-    Given(&'a [Match], f64),
+    /// Given ones.
+    Given(&'a [Match], Grain),
 }
 
 impl Matcher<'_> {
     fn pose(self, a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
         match self {
             Self::Sift => relative_pose::sift(a, b, options),
-            Self::Given(found, match_px) => relative_pose::of_matches(a, b, found, match_px, options),
+            Self::Given(found, grain) => relative_pose::of_matches(a, b, found, grain, options),
         }
     }
 }
@@ -143,7 +143,7 @@ pub fn reconstruct_matched(
     options: &Options,
     mut progress: impl FnMut(Stage),
 ) -> Result<Reconstruction, Error> {
-    let matcher = Matcher::Given(&learned.matches, learned.match_px);
+    let matcher = Matcher::Given(&learned.matches, learned.grain);
     with_matcher([a, b], matcher, priors, options, &mut progress)
 }
 
