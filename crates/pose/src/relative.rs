@@ -302,10 +302,11 @@ impl<'a> Problem<'a> {
         rotation: Option<&Matrix3<f64>>,
         plane: Option<&Matrix3<f64>>,
     ) -> (Motion, Option<Motion>) {
-        let (pairs, threshold) = (&self.pairs, self.options.threshold);
+        let pairs = &self.pairs;
+        let RelativeOptions { threshold, least_noise, .. } = *self.options;
         let start = match self.options.refinement {
             Refinement::None => motions_of_essential(found)[0],
-            Refinement::Local => hypotheses::refined(pairs, found, threshold),
+            Refinement::Local => hypotheses::refined(pairs, found, threshold, least_noise),
             Refinement::Full => {
                 let first = hypotheses::facing(pairs, &motions_of_essential(found)[0], threshold);
                 // Strays on the plane's epipolar lines must not choose among the candidates either.
@@ -317,10 +318,10 @@ impl<'a> Problem<'a> {
                     if inliers.len() < MIN_MATCHES {
                         break;
                     }
-                    motion = hypotheses::last_rounds(&inliers, motion, threshold);
+                    motion = hypotheses::last_rounds(&inliers, motion, threshold, least_noise);
                 }
                 let motion = hypotheses::facing(pairs, &motion, threshold);
-                let rival = hypotheses::rival(&judges, &motion, &all, threshold);
+                let rival = hypotheses::rival(&judges, &motion, &all, threshold, least_noise);
                 return (motion, rival);
             }
         };
@@ -373,9 +374,9 @@ impl<'a> Problem<'a> {
         inliers: &Pairs,
         iterations: usize,
     ) -> RelativePose {
-        let threshold = self.options.threshold;
+        let RelativeOptions { threshold, least_noise, .. } = *self.options;
         let rotation = Rotation3::from_matrix_unchecked(motion.rotation);
-        let scale = hypotheses::final_scale(inliers, &motion.essential(), threshold);
+        let scale = hypotheses::final_scale(inliers, &motion.essential(), threshold, least_noise);
         let spread = uncertainty(inliers, motion, scale * scale, threshold * threshold);
         RelativePose {
             cam_b_from_cam_a: Rigid3::new(rotation, Point3::from(motion.translation.normalize())),
@@ -385,7 +386,7 @@ impl<'a> Problem<'a> {
             }),
             inliers: self.matches.iter().map(|m| support.agrees(&[m.a.x, m.a.y, m.b.x, m.b.y])).collect(),
             residual_rms: spread.rms,
-            covariance: spread.covariance,
+            covariance: spread.covariance * self.options.per_evidence.max(1.0),
             plane_share: support.plane_share,
             iterations,
         }

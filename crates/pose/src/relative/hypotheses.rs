@@ -29,24 +29,26 @@ const RIVAL_SIGMAS: f64 = 3.0;
 const PLANE_MATCHES: usize = 600;
 const PLANE_ITERATIONS: usize = 60;
 
-/// Scale of the last loss: from the spread of the inliers, not below a hundredth of the threshold.
-pub fn final_scale(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64) -> f64 {
-    (CAUCHY * robust_sigma(pairs, e, threshold)).clamp(0.01 * threshold, threshold)
+/// Scale of the last loss: from the spread of the inliers, not below a hundredth of the threshold nor below what matches are off
+/// by at least: of whole pixels many agree exactly with some motion, which would draw it to itself.
+pub fn final_scale(pairs: &Pairs, e: &Matrix3<f64>, threshold: f64, least_noise: f64) -> f64 {
+    let least = (CAUCHY * least_noise).max(0.01 * threshold).min(threshold);
+    (CAUCHY * robust_sigma(pairs, e, threshold)).clamp(least, threshold)
 }
 
 /// Refines from one start: first with the threshold as the scale, then with the scale of the inliers' own spread.
-pub fn refined(pairs: &Pairs, start: &Matrix3<f64>, threshold: f64) -> Motion {
+pub fn refined(pairs: &Pairs, start: &Matrix3<f64>, threshold: f64, least_noise: f64) -> Motion {
     let limit = threshold * threshold;
     let [motion, ..] = motions_of_essential(start);
     let wide = Loss::Cauchy { scale_squared: limit, cutoff_squared: 9.0 * limit };
-    last_rounds(pairs, refine(pairs, &motion, wide, FINAL_STEPS).motion, threshold)
+    last_rounds(pairs, refine(pairs, &motion, wide, FINAL_STEPS).motion, threshold, least_noise)
 }
 
 /// The last refinement, over the matches within the threshold.
-pub fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64) -> Motion {
+pub fn last_rounds(pairs: &Pairs, motion: Motion, threshold: f64, least_noise: f64) -> Motion {
     let mut motion = motion;
     for _ in 0..FINAL_ROUNDS {
-        let scale = final_scale(pairs, &motion.essential(), threshold);
+        let scale = final_scale(pairs, &motion.essential(), threshold, least_noise);
         let loss = Loss::Cauchy { scale_squared: scale * scale, cutoff_squared: threshold * threshold };
         let next = refine(pairs, &motion, loss, FINAL_STEPS);
         motion = next.motion;
@@ -119,7 +121,13 @@ pub fn in_front_or_far(motion: &Motion, a: &Vector3<f64>, b: &Vector3<f64>, limi
 /// paired differences is compared with its own spread.
 /// # Source
 /// Vuong 1989, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57(2).
-pub fn rival(pairs: &Pairs, chosen: &Motion, others: &[Motion], threshold: f64) -> Option<Motion> {
+pub fn rival(
+    pairs: &Pairs,
+    chosen: &Motion,
+    others: &[Motion],
+    threshold: f64,
+    least_noise: f64,
+) -> Option<Motion> {
     let limit = threshold * threshold;
     let differs = |motion: &Motion| motion.translation.normalize().dot(&chosen.translation) < RIVAL_COSINE;
     let equals = |motion: &Motion, sigmas: f64| {
@@ -130,7 +138,7 @@ pub fn rival(pairs: &Pairs, chosen: &Motion, others: &[Motion], threshold: f64) 
     // Most are out of the question before they are refined.
     let possible = |motion: &&Motion| differs(motion) && equals(motion, 3.0 * RIVAL_SIGMAS);
     others.iter().filter(possible).find_map(|motion| {
-        let refined = facing(pairs, &last_rounds(pairs, *motion, threshold), threshold);
+        let refined = facing(pairs, &last_rounds(pairs, *motion, threshold, least_noise), threshold);
         (differs(&refined) && equals(&refined, RIVAL_SIGMAS)).then_some(refined)
     })
 }
