@@ -321,7 +321,7 @@ impl<'a> Problem<'a> {
                     motion = hypotheses::last_rounds(&inliers, motion, threshold, least_noise);
                 }
                 let motion = hypotheses::facing(pairs, &motion, threshold);
-                let rival = hypotheses::rival(&judges, &motion, &all, threshold, least_noise);
+                let rival = hypotheses::rival(&judges, &motion, &all, self.options);
                 return (motion, rival);
             }
         };

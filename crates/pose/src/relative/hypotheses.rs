@@ -1,5 +1,6 @@
 //! Starts of the refinement, and the choice among what they lead to.
 
+use super::RelativeOptions;
 use crate::cheirality::{in_front, most_in_front};
 use crate::consensus::HomographySearch;
 use crate::decompose::{Motion, motions_of_essential, motions_of_homography};
@@ -121,19 +122,14 @@ pub fn in_front_or_far(motion: &Motion, a: &Vector3<f64>, b: &Vector3<f64>, limi
 /// paired differences is compared with its own spread.
 /// # Source
 /// Vuong 1989, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57(2).
-pub fn rival(
-    pairs: &Pairs,
-    chosen: &Motion,
-    others: &[Motion],
-    threshold: f64,
-    least_noise: f64,
-) -> Option<Motion> {
+pub fn rival(pairs: &Pairs, chosen: &Motion, others: &[Motion], options: &RelativeOptions) -> Option<Motion> {
+    let RelativeOptions { threshold, least_noise, per_evidence, .. } = *options;
     let limit = threshold * threshold;
     let differs = |motion: &Motion| motion.translation.normalize().dot(&chosen.translation) < RIVAL_COSINE;
     let equals = |motion: &Motion, sigmas: f64| {
         let pairwise = costs_in_front(pairs, motion, limit).zip(costs_in_front(pairs, chosen, limit));
         let (sum, squares) = pairwise.fold((0.0, 0.0), |(s, q), (p, c)| (s + (p - c), q + (p - c) * (p - c)));
-        sum < sigmas * f64::sqrt(squares)
+        sum < sigmas * f64::sqrt(squares * per_evidence.max(1.0))
     };
     // Most are out of the question before they are refined.
     let possible = |motion: &&Motion| differs(motion) && equals(motion, 3.0 * RIVAL_SIGMAS);

@@ -223,6 +223,7 @@ impl Problem<'_> {
                 return Ok(Solved { prediction, source: None, matches, warnings });
             }
         };
+        warnings.extend(source.warning());
         let matches = self.judged(&self.learned.matches, &pose, self.threshold_px());
         let (pose, views) = match (self.options.points, &self.learned.pointmaps) {
             (PointsFrom::Triangulated, _) => (pose, Some(self.triangulated(&pose, self.threshold_px())?)),

@@ -4,7 +4,7 @@ use crate::Prediction;
 use crate::priors::{Priors, ScaleFrom};
 use crate::relative_pose::{Counts, PairMatch};
 use crate::scale::Placement;
-use selenograph_geometry::Camera;
+use selenograph_geometry::{CamA, CamB, Camera, Rigid3};
 use selenograph_pose::relative::RelativePose;
 use serde::Serialize;
 
@@ -53,6 +53,12 @@ impl PoseSource {
                     || residual_px > 0.5 * super::given::TOLERANCE_PX =>
             {
                 Some(Warning::PoseDisagrees { agreeing, matches, residual_px })
+            }
+            Self::Estimated(ref pose) => {
+                let rival = pose.rival?;
+                let direction = |pose: &Rigid3<CamB, CamA>| pose.origin().coords;
+                let angle = direction(&rival).angle(&direction(&pose.cam_b_from_cam_a));
+                Some(Warning::TwoMotions { apart_deg: angle.to_degrees() })
             }
             _ => None,
         }
@@ -151,6 +157,14 @@ pub enum Warning {
         matches: usize,
         /// Root mean square Sampson distance of those that agree, pixels.
         residual_px: f64,
+    },
+    /// Nearly flat ground allows two motions.
+    #[error(
+        "the ground is so flat that another motion, its direction {apart_deg:.0}° away, explains the matches as well: pose and relief may be wrong"
+    )]
+    TwoMotions {
+        /// Angle between the two directions, degrees.
+        apart_deg: f64,
     },
     /// The matches gave no pose, the points did.
     #[error("the matches tell no pose ({why}): it was taken from the network's points")]
