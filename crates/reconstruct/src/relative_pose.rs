@@ -180,20 +180,17 @@ pub struct PairPose {
 /// # Errors
 /// [`CannotSay`] with the reason, also for pictures that show nothing.
 pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
-    let mut clock = Clock::start();
-    let mut durations = Durations::default();
+    let mut work = Work::start();
     let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
-    let mut counts = Counts::default();
     let mut attempt = |features: &sift::Options| {
-        let found =
-            matched([&seen_a, &seen_b], features, &options.matching, &mut counts, &mut durations, &mut clock);
+        let found = matched([&seen_a, &seen_b], features, &options.matching, &mut work);
         let robust = options.robust(options.threshold_px, FEATURE_NOISE_PX, cameras);
         let estimated = Estimated::new(&found, None, cameras, &robust);
-        durations.estimate += clock.lap();
+        work.lap(|durations| &mut durations.estimate);
         estimated.map(|estimated| (found, estimated))
     };
     let mut first = attempt(&options.features);
@@ -208,7 +205,7 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
         }
     }
     let (found, first) = first?;
-    first.aligned(&found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
+    first.aligned(&found, [&seen_a, &seen_b], cameras, options, work)
 }
 
 /// The chain from any matcher's matches on, robust estimate, aligned windows, Sampson refinement. Of `options` only what comes after the matching counts, `threshold_px` in pixels of the matcher.
@@ -222,7 +219,7 @@ pub fn of_matches(
     grain: Grain,
     options: &SiftOptions,
 ) -> Result<PairPose, CannotSay> {
-    let mut clock = Clock::start();
+    let mut work = Work::start();
     let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
@@ -234,9 +231,9 @@ pub fn of_matches(
         ..options.robust(threshold_px, noise_px, cameras)
     };
     let first = Estimated::new(found, None, cameras, &robust)?;
-    let durations = Durations { estimate: clock.lap(), ..Durations::default() };
-    let counts = Counts { matches: found.len(), ..Counts::default() };
-    first.aligned(found, [&seen_a, &seen_b], cameras, options, counts, durations, clock)
+    work.lap(|durations| &mut durations.estimate);
+    work.counts.matches = found.len();
+    first.aligned(found, [&seen_a, &seen_b], cameras, options, work)
 }
 
 /// Features of both pictures and their matches.
@@ -244,16 +241,14 @@ fn matched(
     [a, b]: [&Intensity; 2],
     features: &sift::Options,
     matching: &matching::Options,
-    counts: &mut Counts,
-    durations: &mut Durations,
-    clock: &mut Clock,
+    work: &mut Work,
 ) -> Vec<Match> {
     let (a, b) = rayon::join(|| sift::detect_in(a, features), || sift::detect_in(b, features));
-    durations.features += clock.lap();
+    work.lap(|durations| &mut durations.features);
     let found = matching::sift(&a, &b, matching);
-    durations.matching += clock.lap();
-    counts.features = [a.keypoints.len(), b.keypoints.len()];
-    counts.matches = found.len();
+    work.lap(|durations| &mut durations.matching);
+    work.counts.features = [a.keypoints.len(), b.keypoints.len()];
+    work.counts.matches = found.len();
     found
 }
 
@@ -262,13 +257,12 @@ fn matched(
 /// # Errors
 /// [`CannotSay`] with the reason, also for pictures that show nothing.
 pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotSay> {
-    let mut clock = Clock::start();
-    let mut durations = Durations::default();
+    let mut work = Work::start();
     let (features_a, features_b) =
         rayon::join(|| orb::detect(&a.image, &options.features), || orb::detect(&b.image, &options.features));
-    durations.features = clock.lap();
+    work.lap(|durations| &mut durations.features);
     let found = matching::orb(&features_a, &features_b, &options.matching);
-    durations.matching = clock.lap();
+    work.lap(|durations| &mut durations.matching);
     let cameras = [&a.camera, &b.camera];
     let robust = RelativeOptions {
         threshold: options.threshold_px / mean_focal_px(cameras),
@@ -280,29 +274,33 @@ pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotS
         ..RelativeOptions::default()
     };
     let estimated = Estimated::new(&found, None, cameras, &robust)?;
-    durations.estimate = clock.lap();
-    let counts = Counts {
+    work.lap(|durations| &mut durations.estimate);
+    work.counts = Counts {
         features: [features_a.keypoints.len(), features_b.keypoints.len()],
         matches: found.len(),
         first_inliers: estimated.inliers(&found).len(),
         ..Counts::default()
     };
-    Ok(estimated.into_pair(counts, durations))
+    Ok(estimated.into_pair(work))
 }
 
-/// Time between steps.
-struct Clock(Instant);
+/// What was done so far and how long it took.
+struct Work {
+    counts: Counts,
+    durations: Durations,
+    since: Instant,
+}
 
-impl Clock {
+impl Work {
     fn start() -> Self {
-        Self(Instant::now())
+        Self { counts: Counts::default(), durations: Durations::default(), since: Instant::now() }
     }
 
-    fn lap(&mut self) -> Duration {
+    /// Adds the time since the last lap to that of a step.
+    fn lap(&mut self, step: impl Fn(&mut Durations) -> &mut Duration) {
         let now = Instant::now();
-        let passed = now - self.0;
-        self.0 = now;
-        passed
+        *step(&mut self.durations) += now - self.since;
+        self.since = now;
     }
 }
 
@@ -362,25 +360,22 @@ impl Estimated {
     }
 
     /// The estimate again from the windows of its inliers, aligned to subpixels, or itself where too few can be.
-    #[expect(clippy::too_many_arguments, reason = "the middle of two chains")]
     fn aligned(
         self,
         found: &[Match],
         [a, b]: [&Intensity; 2],
         cameras: [&Camera; 2],
         options: &SiftOptions,
-        mut counts: Counts,
-        mut durations: Durations,
-        mut clock: Clock,
+        mut work: Work,
     ) -> Result<PairPose, CannotSay> {
         let seeds = self.inliers(found);
-        counts.first_inliers = seeds.len();
+        work.counts.first_inliers = seeds.len();
         let refined = match &options.subpixel {
             Some(options) => subpixel::refine(a, b, &seeds, options),
             None => Vec::new(),
         };
-        durations.subpixel = clock.lap();
-        counts.refined = refined.len();
+        work.lap(|durations| &mut durations.subpixel);
+        work.counts.refined = refined.len();
         let is_enough =
             refined.len() >= MIN_MATCHES && refined.len() as f64 >= MIN_REFINED_SHARE * seeds.len() as f64;
         let second = is_enough.then(|| {
@@ -390,12 +385,12 @@ impl Estimated {
             let robust = options.robust(options.refined_threshold_px, WINDOW_NOISE_PX, cameras);
             Self::new(&aligned, Some(&sigmas), cameras, &robust)
         });
-        durations.refinement = clock.lap();
+        work.lap(|durations| &mut durations.refinement);
         match second {
-            Some(Ok(second)) => Ok(second.into_pair(counts, durations)),
+            Some(Ok(second)) => Ok(second.into_pair(work)),
             // What looked like a motion was the noise of the features.
             Some(Err(none @ CannotSay::NoParallax { .. })) => Err(none),
-            Some(Err(_)) | None => Ok(self.into_pair(counts, durations)),
+            Some(Err(_)) | None => Ok(self.into_pair(work)),
         }
     }
 
@@ -403,8 +398,8 @@ impl Estimated {
         self.pose.inliers.iter().filter(|inlier| **inlier).count()
     }
 
-    fn into_pair(self, counts: Counts, durations: Durations) -> PairPose {
-        let inliers = self.num_inliers();
-        PairPose { pose: self.pose, matches: self.matches, counts: Counts { inliers, ..counts }, durations }
+    fn into_pair(self, work: Work) -> PairPose {
+        let counts = Counts { inliers: self.num_inliers(), ..work.counts };
+        PairPose { pose: self.pose, matches: self.matches, counts, durations: work.durations }
     }
 }
