@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Network (methods mast3r and mast3r-stereo)")]
 pub struct NetworkChoice {
-    /// Its weights: a checkpoint of the MASt3R or DUSt3R family, .pth or safetensors
+    /// Its weights: a checkpoint of the MASt3R or DUSt3R family, .pth or safetensors [default: `builtin`, a small network for
+    /// matches that comes with the program]
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
     /// What runs it: cpu; cuda:N, wgpu:N and burn-cpu where they were built in (`selenograph doctor`)
@@ -17,8 +18,7 @@ pub struct NetworkChoice {
     /// How a picture becomes its input
     #[arg(long, value_enum, default_value_t = InputRule::Whole)]
     pub input: InputRule,
-    /// Larger pictures are made smaller, to this longest side [default: what the weights' file says they were trained on, else
-    /// 512]
+    /// Larger pictures are made smaller, to this longest side [default: what the weights' file asks for, else 512]
     #[arg(long, value_name = "PX")]
     pub max_side: Option<usize>,
     /// Most memory that the network may take, such as 3GB or 800MB [default: what is free]

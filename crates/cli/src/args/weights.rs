@@ -33,7 +33,7 @@ pub struct Heads {
 /// `weights info`.
 #[derive(Debug, Args)]
 pub struct Info {
-    /// PyTorch's .pth or safetensors; nothing in it is run
+    /// PyTorch's .pth or safetensors; nothing in it is run. `builtin` is the network that comes with the program
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// How to read it.
@@ -56,6 +56,12 @@ pub struct Convert {
     /// Licence of the weights [default: what the file states]
     #[arg(long, value_name = "TEXT")]
     pub license: Option<String>,
+    /// Where the weights come from [default: this file's name, and what it says]
+    #[arg(long, value_name = "TEXT")]
+    pub origin: Option<String>,
+    /// Longest side of the pictures that the network shall be given [default: what the file says]
+    #[arg(long, value_name = "PX")]
+    pub input_px: Option<usize>,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,

@@ -2,8 +2,7 @@
 
 use super::clock::now_utc;
 use super::data_check::convention;
-use super::network;
-use super::run_record::checksums;
+use super::network::{self, builtin};
 use crate::args::evaluate::{CrossLight, Evaluate};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
@@ -196,8 +195,7 @@ fn open_network(
 
 fn load_network(checkpoint: &Checkpoint, args: &Evaluate, ui: &Ui) -> anyhow::Result<Network> {
     let predictor = network::load(checkpoint, &network::options(&args.network)?, ui)?;
-    let sums = ui.timed("checksum of the weights", || checksums(&[checkpoint.path().to_owned()]))?;
-    Ok(Network::new(predictor, sums.into_values().next().unwrap_or_default()))
+    Ok(Network::new(predictor, ui.timed("checksum of the weights", || builtin::checksum(checkpoint))?))
 }
 
 /// What to take of the dataset.

@@ -1,7 +1,8 @@
 //! `weights info|convert|random`: checkpoints, looked at, converted, made up.
 
+use super::network::builtin;
 use crate::args::weights::{Convert, Heads, Info, Random, StoreAs};
-use crate::exit::Outcome;
+use crate::exit::{Outcome, refuse};
 use crate::target::Draft;
 use crate::ui::Ui;
 use selenograph_network::checkpoint::{ConvertOptions, Fit, Format, HeadCounts, Storing};
@@ -87,7 +88,15 @@ pub fn convert(args: &Convert, ui: &Ui) -> anyhow::Result<Outcome> {
         StoreAs::Bf16 => Storing::Bf16,
         StoreAs::F16 => Storing::F16,
     };
-    let options = ConvertOptions { storing, license: args.license.clone() };
+    if args.input_px == Some(0) {
+        return Err(refuse("--input-px 0: no such picture", "512 is what most networks are given"));
+    }
+    let options = ConvertOptions {
+        storing,
+        license: args.license.clone(),
+        provenance: args.origin.clone(),
+        input_px: args.input_px,
+    };
     let bar = ui.bar(checkpoint.layout().num_parameters() as u64, "parameters");
     checkpoint.convert(draft.path(), &options, &mut |count| bar.inc(count as u64))?;
     bar.finish_and_clear();
@@ -124,7 +133,7 @@ pub fn random(args: &Random, ui: &Ui) -> anyhow::Result<Outcome> {
 
 fn open(file: &Path, heads: &Heads) -> anyhow::Result<Checkpoint> {
     let heads = HeadCounts { encoder: heads.encoder_heads, decoder: heads.decoder_heads };
-    Ok(Checkpoint::open_with(file, heads)?)
+    builtin::open(Some(file), heads)
 }
 
 fn text(report: &Report) -> String {

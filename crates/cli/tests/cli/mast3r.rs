@@ -70,9 +70,14 @@ fn weights_and_devices_that_cannot_be() {
     let refused = |line: &str, says: &str, hints: &str| {
         place.run(&format!("{line} --out out -q")).refused(says, hints);
     };
-    refused(&LEARNED.replace("--weights tiny.safetensors", ""), "need the weights", "--weights");
-    refused(&LEARNED.replace("mast3r", "stereo"), "is for the method `mast3r`", "--method mast3r");
+    refused(
+        &LEARNED.replace("mast3r", "stereo"),
+        "is for the methods `mast3r` and `mast3r-stereo`",
+        "--method mast3r",
+    );
     refused(&format!("{LEARNED} --device cuda"), "device `cuda`", "--device cpu");
+    let stereo = LEARNED.replace("mast3r", "mast3r-stereo");
+    refused(&format!("{stereo} --points-from triangulated"), "are for the method `mast3r`", "leave them out");
     refused(
         &format!("{LEARNED} --pose-from points --cam-b-from-cam-a pose.json"),
         "cannot be used with",
@@ -155,8 +160,54 @@ fn an_evaluation_names_its_network_and_goes_on_with_no_other() {
     place
         .run(&format!("{line} --limit 2 --cross-light=beside -q"))
         .refused("other methods or settings", "--force");
-    place.run("evaluate dataset --method mast3r --out other -q").refused("need the weights", "--weights");
     place
         .run("evaluate dataset --method plane --weights tiny.safetensors --out other -q")
-        .refused("is for the method `mast3r`", "");
+        .refused("is for the methods `mast3r` and `mast3r-stereo`", "");
+}
+
+#[test]
+fn the_builtin_network_is_a_checkpoint_like_any_other() {
+    let place = with_pair();
+    let info = place.run("weights info builtin --json").ok().json();
+    assert!(info["complete"] == true && info["parameters"] == 6_560_778, "{info}");
+    assert_eq!(info["license"], "MIT OR Apache-2.0");
+    assert!(info["provenance"].as_str().unwrap().contains("synthetic"), "{info}");
+    // At most 16 MB of every copy of the program.
+    assert!(info["file_bytes"].as_u64().unwrap() < 16_000_000, "{info}");
+    place.run("weights convert builtin --store-as f32 --out own.safetensors -q").ok();
+    let line = "reconstruct a.png b.png --fov-deg 45 --no-report";
+    let builtin = place.run(&format!("{line} --method mast3r-stereo --out builtin --json")).ok();
+    assert!(builtin.stderr.contains("moon-hybrid (built in)"), "{}", builtin.stderr);
+    let own =
+        place.run(&format!("{line} --method mast3r-stereo --weights own.safetensors --out own --json")).ok();
+    assert_eq!(builtin.json()["pose"], own.json()["pose"]);
+    let run = std::fs::read_to_string(place.path("builtin/run.toml")).unwrap();
+    assert!(
+        run.contains("[settings.learned.network]") && run.contains("[settings.pipeline.stereo]"),
+        "{run}"
+    );
+}
+
+/// Two Suns, 80° of azimuth apart, over ground that no network has seen.
+const SUNS: &str = "lights=[{azimuth_deg=330.0,elevation_deg=20.0},{azimuth_deg=250.0,elevation_deg=20.0}]";
+
+#[test]
+fn the_builtin_network_matches_across_suns_where_features_cannot() {
+    let place = Place::new();
+    place.run("dem synth --size 1600 --cell-m 30 --seed 9 --out ground.tif -q").ok();
+    place.run("dem import ground.tif --out ground -q").ok();
+    let campaign = "generate --preset training --terrain ground --set nadir.pairs=2 --set oblique.pairs=0 \
+        --set dynamic.pairs=0 --set camera.width_px=256 --set camera.height_px=256 \
+        --set nadir.altitude_levels_m=[20000.0] --set nadir.b_over_h.min=0.25 --set sites.lat_deg.max=-89.8 --out pairs -q";
+    let mut args: Vec<&str> = campaign.split_whitespace().collect();
+    args.extend(["--set", SUNS]);
+    place.run_args(&args).ok();
+    place.run("evaluate pairs --method sift,mast3r --cross-light=only --out scores -q").ok();
+    let sift = lines(&place.path("scores/sift/metrics.jsonl"));
+    assert!(sift.len() == 4 && sift.iter().all(|line| line["pose_failed"] == true), "features may do it");
+    for line in lines(&place.path("scores/mast3r/metrics.jsonl")) {
+        let [turn, direction] = ["rra_deg", "rta_deg"].map(|key| line[key].as_f64().unwrap_or(180.0));
+        println!("{} {}: {turn:.2}° {direction:.2}°", line["pair"], line["light_a"]);
+        assert!(turn < 5.0 && direction < 10.0, "{turn} {direction}");
+    }
 }

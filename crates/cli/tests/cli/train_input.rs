@@ -1,6 +1,6 @@
 //! `train`: bad input, and what a run keeps of what it was given.
 
-use crate::evaluate::{lines, with_dataset};
+use crate::evaluate::{copy, lines, with_dataset};
 use crate::program::{Place, names};
 use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig, Transformer};
 use selenograph_network::random;
@@ -65,7 +65,7 @@ const ONE_STEP: &str =
 #[test]
 fn a_dataset_without_truth() {
     let place = with_network();
-    assert!(place.command("cp").args(["-r", "dataset", "whole"]).status().unwrap().success());
+    copy(&place.path("dataset"), &place.path("whole"));
     for name in ["a.depth_z.exr", "b.depth_z.exr"] {
         files(&place, name).iter().for_each(|path| std::fs::remove_file(path).unwrap());
     }

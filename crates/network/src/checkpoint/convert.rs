@@ -29,6 +29,10 @@ pub struct ConvertOptions {
     pub storing: Storing,
     /// The weights' licence, where the file does not state it or states it wrongly.
     pub license: Option<String>,
+    /// Where the weights come from, in place of the file's name and what it says.
+    pub provenance: Option<String>,
+    /// Longest side of pictures that the network shall be given, in place of what the file says.
+    pub input_px: Option<usize>,
 }
 
 impl Checkpoint {
@@ -50,8 +54,9 @@ impl Checkpoint {
             self.layout.owned().filter(|spec| self.tensor(&spec.name).is_some()).collect();
         let entries = present.iter().map(|spec| self.entry(spec, options.storing)).collect();
         let mut metadata = header(&self.config, options.license.as_deref().or(self.license()));
-        metadata.insert(key::PROVENANCE.into(), self.describe_origin());
-        if let Some(side) = self.input_px() {
+        let provenance = options.provenance.clone().unwrap_or_else(|| self.describe_origin());
+        metadata.insert(key::PROVENANCE.into(), provenance);
+        if let Some(side) = options.input_px.or(self.input_px()) {
             metadata.insert(key::INPUT_PX.into(), side.to_string());
         }
         if let Some(model) = self.model_string() {

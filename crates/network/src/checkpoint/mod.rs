@@ -93,7 +93,18 @@ impl Checkpoint {
     /// [`Error::Io`], [`Error::NotACheckpoint`], [`Error::Truncated`], [`Error::Malformed`]; [`Error::Refused`] for a
     /// pickle that would run code; [`Error::ModelString`]; [`Error::Unknown`] for numbers of heads; [`Error::Config`].
     pub fn open_with(path: &Path, heads: HeadCounts) -> Result<Self, Error> {
-        let source = Source::open(path)?;
+        Self::of_source(Source::open(path)?, path, heads)
+    }
+
+    /// A checkpoint that came with the program, under a name in place of a path.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::open`].
+    pub fn of_bytes(name: &str, bytes: &'static [u8]) -> Result<Self, Error> {
+        Self::of_source(Source::bytes(bytes), Path::new(name), HeadCounts::default())
+    }
+
+    fn of_source(source: Source, path: &Path, heads: HeadCounts) -> Result<Self, Error> {
         let (format, contents) = read_contents(&source, path)?;
         let Contents { tensors, twice, model_string, metadata, mut notes } = contents;
         let deduced = match metadata.get(key::CONFIG) {

@@ -9,14 +9,20 @@ use std::path::Path;
 /// Bytes read and converted at a time.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// A file that is read at any place, by any number of threads.
+/// A file, or one that came with the program, that is read at any place, by any number of threads.
 #[derive(Debug)]
 pub(super) struct Source {
-    #[cfg(unix)]
-    file: File,
-    #[cfg(not(unix))]
-    file: std::sync::Mutex<File>,
+    kind: Kind,
     len: u64,
+}
+
+#[derive(Debug)]
+enum Kind {
+    #[cfg(unix)]
+    File(File),
+    #[cfg(not(unix))]
+    File(std::sync::Mutex<File>),
+    Bytes(&'static [u8]),
 }
 
 impl Source {
@@ -32,7 +38,11 @@ impl Source {
         }
         #[cfg(not(unix))]
         let file = std::sync::Mutex::new(file);
-        Ok(Self { file, len: metadata.len() })
+        Ok(Self { kind: Kind::File(file), len: metadata.len() })
+    }
+
+    pub fn bytes(bytes: &'static [u8]) -> Self {
+        Self { kind: Kind::Bytes(bytes), len: bytes.len() as u64 }
     }
 }
 
@@ -41,17 +51,24 @@ impl ReadAt for Source {
         self.len
     }
 
-    #[cfg(unix)]
     fn read_at(&self, offset: u64, buffer: &mut [u8]) -> std::io::Result<()> {
-        std::os::unix::fs::FileExt::read_exact_at(&self.file, buffer, offset)
-    }
-
-    #[cfg(not(unix))]
-    fn read_at(&self, offset: u64, buffer: &mut [u8]) -> std::io::Result<()> {
-        use std::io::{Read, Seek, SeekFrom};
-        let mut file = self.file.lock().map_err(|_| std::io::Error::other("another reader failed"))?;
-        file.seek(SeekFrom::Start(offset))?;
-        file.read_exact(buffer)
+        match &self.kind {
+            #[cfg(unix)]
+            Kind::File(file) => std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset),
+            #[cfg(not(unix))]
+            Kind::File(file) => {
+                use std::io::{Read, Seek, SeekFrom};
+                let mut file = file.lock().map_err(|_| std::io::Error::other("another reader failed"))?;
+                file.seek(SeekFrom::Start(offset))?;
+                file.read_exact(buffer)
+            }
+            Kind::Bytes(bytes) => {
+                let start = usize::try_from(offset).ok();
+                let found = start.and_then(|start| bytes.get(start..start.checked_add(buffer.len())?));
+                buffer.copy_from_slice(found.ok_or(std::io::ErrorKind::UnexpectedEof)?);
+                Ok(())
+            }
+        }
     }
 }
 

@@ -80,7 +80,20 @@ fn conversion_keeps_values_and_halves_on_request() {
     let [exact, half] = ["exact", "half"].map(|name| dir.path().join(name));
     source.convert(&exact, &ConvertOptions::default(), &mut |_| {}).unwrap();
     let license = Some("none".to_owned());
-    source.convert(&half, &ConvertOptions { storing: Storing::Bf16, license }, &mut |_| {}).unwrap();
+    let options = ConvertOptions { storing: Storing::Bf16, license, ..ConvertOptions::default() };
+    source.convert(&half, &options, &mut |_| {}).unwrap();
+    let told = dir.path().join("told");
+    let provenance = Some("a test".to_owned());
+    let options = ConvertOptions { provenance, input_px: Some(384), ..ConvertOptions::default() };
+    source.convert(&told, &options, &mut |_| {}).unwrap();
+    // The same bytes, whether they lie in a file or came with the program.
+    let bytes: &'static [u8] = Box::leak(std::fs::read(&told).unwrap().into_boxed_slice());
+    for told in [Checkpoint::open(&told).unwrap(), Checkpoint::of_bytes("told", bytes).unwrap()] {
+        assert_eq!((told.provenance(), told.input_px()), (Some("a test"), Some(384)));
+        assert!(source.names().all(|name| told.read(name).unwrap() == source.read(name).unwrap()));
+    }
+    let cut = Checkpoint::of_bytes("cut", &bytes[..bytes.len() - 8]);
+    assert!(matches!(cut, Err(Error::Truncated { .. })), "{cut:?}");
     let [exact, half] = [exact, half].map(|path| Checkpoint::open(&path).unwrap());
     half.check_complete().unwrap();
     assert_eq!((exact.license(), half.license()), (source.license(), Some("none")));

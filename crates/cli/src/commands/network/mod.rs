@@ -1,5 +1,6 @@
 //! The network that `reconstruct` and `evaluate` run: found, announced with what it will take, loaded.
 
+pub mod builtin;
 mod forecast;
 
 pub use forecast::Task;
@@ -12,7 +13,6 @@ use selenograph_network::Checkpoint;
 use selenograph_network::checkpoint::HeadCounts;
 use selenograph_network::input::{Border, Rule, SquareCrop};
 use selenograph_predict::{About, Executor, PredictOptions, Predictor, Progress, Step};
-use std::path::Path;
 use std::time::Instant;
 
 /// Longest side of an input where neither the command line nor the weights tell: that of the published networks.
@@ -36,33 +36,17 @@ pub fn options(choice: &NetworkChoice) -> anyhow::Result<PredictOptions> {
 /// # Errors
 /// An input without pixels; weights that cannot be read.
 pub fn max_side(choice: &NetworkChoice) -> anyhow::Result<usize> {
-    match (choice.max_side, &choice.weights) {
-        (Some(0), _) => {
-            Err(refuse("--max-side 0: no such picture", "512 is what most networks are trained on"))
-        }
-        (Some(side), _) => Ok(side),
-        (None, Some(path)) => {
-            Ok(Checkpoint::open_with(path, heads(choice))?.input_px().unwrap_or(USUAL_SIDE))
-        }
-        (None, None) => Ok(USUAL_SIDE),
+    match choice.max_side {
+        Some(0) => Err(refuse("--max-side 0: no such picture", "512 is what most networks are trained on")),
+        Some(side) => Ok(side),
+        None => Ok(checkpoint(choice)?.input_px().unwrap_or(USUAL_SIDE)),
     }
 }
 
-fn heads(choice: &NetworkChoice) -> HeadCounts {
-    HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads }
-}
-
-/// The weights that were named.
-///
-/// # Errors
-/// If none were.
-pub fn weights(choice: &NetworkChoice) -> anyhow::Result<&Path> {
-    choice.weights.as_deref().ok_or_else(|| {
-        refuse(
-            "`mast3r` and `mast3r-stereo` need the weights of a network",
-            "pass --weights FILE; `selenograph weights random --preset tiny` makes one that has learnt nothing",
-        )
-    })
+/// The weights that were named, or those of the program.
+fn checkpoint(choice: &NetworkChoice) -> anyhow::Result<Checkpoint> {
+    let heads = HeadCounts { encoder: choice.heads.encoder_heads, decoder: choice.heads.decoder_heads };
+    builtin::open(choice.weights.as_deref(), heads)
 }
 
 /// Refuses what no method would read.
@@ -72,12 +56,12 @@ pub fn weights(choice: &NetworkChoice) -> anyhow::Result<&Path> {
 pub fn unused(choice: &NetworkChoice) -> anyhow::Result<()> {
     match &choice.weights {
         None if choice.dry_run => Err(refuse(
-            "--dry-run is for the method `mast3r`",
+            "--dry-run is for the methods `mast3r` and `mast3r-stereo`",
             "pass --method mast3r, or leave --dry-run out: the other methods take seconds and little memory",
         )),
         None => Ok(()),
         Some(path) => Err(refuse(
-            format!("--weights `{}` is for the method `mast3r`", path.display()),
+            format!("--weights `{}` is for the methods `mast3r` and `mast3r-stereo`", path.display()),
             "pass --method mast3r, or leave --weights out",
         )),
     }
@@ -93,13 +77,11 @@ pub fn open(
     task: &Task,
     ui: &Ui,
 ) -> anyhow::Result<Checkpoint> {
-    let checkpoint = Checkpoint::open_with(weights(choice)?, heads(choice))?;
+    let checkpoint = checkpoint(choice)?;
     let about = About::new(&checkpoint, &options.executor);
     ui.note(&format!("{}; {} threads", about.sentence(), rayon::current_num_threads()));
     if let (None, Some(side)) = (choice.max_side, checkpoint.input_px()) {
-        ui.note(&format!(
-            "note: pictures are made {side} px at most, as the weights' file says they were trained on"
-        ));
+        ui.note(&format!("note: pictures are made {side} px at most, as the weights' file asks"));
     }
     for note in &about.notes {
         ui.note(&format!("note: {note}"));

@@ -1,6 +1,7 @@
 //! Pictures and cameras as they were named on the command line.
 
 use crate::args::reconstruct::{Cameras, Reconstruct};
+use crate::commands::network::builtin;
 use crate::exit::refuse;
 use selenograph_geometry::Camera;
 use selenograph_raster::codec::picture::{PictureFile, read_picture};
@@ -62,7 +63,7 @@ impl Reconstruct {
             &known.points,
             &self.network.weights,
         ];
-        let named = optional.into_iter().flatten().cloned();
+        let named = optional.into_iter().flatten().filter(|path| *path != Path::new(builtin::NAME)).cloned();
         [self.a.clone(), self.b.clone()].into_iter().chain(named).collect()
     }
 }

@@ -35,9 +35,8 @@ impl Choice {
     /// As far as the command line says.
     ///
     /// # Errors
-    /// A device that this build does not have; weights that were not named; a choice among points that are not taken.
+    /// A device that this build does not have; a choice among points that are not taken.
     pub fn new(args: &Reconstruct) -> anyhow::Result<Self> {
-        network::weights(&args.network)?;
         let takes_points = args.method == Method::Mast3r;
         let is_usual = args.learned.points_from == PointsFrom::default()
             && args.learned.pose_from == PoseFrom::default();

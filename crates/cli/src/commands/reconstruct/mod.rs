@@ -10,11 +10,12 @@ use super::clock::now_utc;
 use super::network;
 use super::run_record::{RunRecord, checksums};
 use crate::args::reconstruct::{Method, ProductChoice, Reconstruct};
-use crate::exit::Outcome;
+use crate::exit::{Outcome, refuse};
 use crate::target::Draft;
 use crate::ui::Ui;
 use anyhow::Context;
 use inputs::Pictures;
+use selenograph_pose::relative::CannotSay as Why;
 use selenograph_reconstruct::grid::{Completed, GridOptions};
 use selenograph_reconstruct::hazard::HazardOptions;
 use selenograph_reconstruct::pipeline::{self, Completion, FocalKnowledge, Options, Reconstruction, Stage};
@@ -75,8 +76,8 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         }
         None => {
             let [a, b] = &pictures.views;
-            let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress))?;
-            (found, None)
+            let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress));
+            (found.map_err(with_network_in_mind)?, None)
         }
     };
     for warning in &found.warnings {
@@ -119,6 +120,21 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let shown = if args.products.no_report { "products.json" } else { "report.html" };
     ui.note(&format!("{}/{shown}", args.target.out.display()));
     Ok(Outcome::Done)
+}
+
+/// Features are of light and shade: under another Sun they have nothing in common, and a network's matches may.
+fn with_network_in_mind(error: selenograph_reconstruct::Error) -> anyhow::Error {
+    use selenograph_reconstruct::Error::CannotSay;
+    match &error {
+        CannotSay(why @ (Why::TooFewMatches { .. } | Why::NoConsensus { .. })) => refuse(
+            error.to_string(),
+            format!(
+                "{}; if the Sun stood elsewhere in one of them, try `--method mast3r --points-from triangulated`",
+                why.hint()
+            ),
+        ),
+        _ => error.into(),
+    }
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {

@@ -3,8 +3,7 @@
 use super::request::Request;
 use super::sources::{is_triplets_split, read_split};
 use crate::args::network::NetworkChoice;
-use crate::commands::network;
-use crate::commands::run_record::checksums;
+use crate::commands::network::{self, builtin};
 use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_dataset::augment::SunChoice;
@@ -100,8 +99,7 @@ impl Examination {
         };
         let checkpoint = Checkpoint::open(weights)?;
         let predictor = network::load(&checkpoint, &network::options(&choice)?, ui)?;
-        let sums = checksums(&[weights.to_owned()])?;
-        let network = Network::new(predictor, sums.into_values().next().unwrap_or_default());
+        let network = Network::new(predictor, builtin::checksum(&checkpoint)?);
         let settings = Settings { network: Some(network.record().clone()), ..self.settings.clone() };
         let folder = self.folder.join(FOLDER).join(format!("step-{step:08}"));
         let mut lines = Vec::new();
