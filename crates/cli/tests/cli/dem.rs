@@ -90,7 +90,7 @@ fn shared_elevation_models_all_open() {
 }
 
 /// A folder of the shared data, or `None` with a message.
-fn shared(folder: &str) -> Option<std::path::PathBuf> {
+pub fn shared(folder: &str) -> Option<std::path::PathBuf> {
     let root = std::env::var_os("SELENOGRAPH_SHARED").map_or_else(
         || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
         |root| std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(root),

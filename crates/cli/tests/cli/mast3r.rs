@@ -211,3 +211,39 @@ fn the_builtin_network_matches_across_suns_where_features_cannot() {
         assert!(turn < 5.0 && direction < 10.0, "{turn} {direction}");
     }
 }
+
+/// Focal length and principal point of the crops of AS15-M-0297 and 0298, pixels, from their labels.
+const APOLLO_PX: [[f64; 3]; 2] = [[952.1, 216.24, 466.52], [952.1, -34.13, 403.92]];
+
+/// Pictures on film, of which it has seen none: its matches lead to the pose that features lead to.
+#[test]
+fn shared_apollo_pair_is_matched_by_the_builtin_network() {
+    let Some(folder) = crate::dem::shared("data/apollo15") else { return };
+    let place = Place::new();
+    for (name, [f, cx, cy]) in ["a.toml", "b.toml"].into_iter().zip(APOLLO_PX) {
+        let size = "width_px = 500\nheight_px = 500\npixel_convention = \"corner\"\n";
+        place.write(name, format!("{size}fx_px = {f}\nfy_px = {f}\ncx_px = {cx}\ncy_px = {cy}\n"));
+    }
+    let pictures =
+        ["AS15-M-0297_crop.cub", "AS15-M-0298_crop.cub"].map(|name| folder.join(name).display().to_string());
+    let pose = |method: &str| -> Vec<f64> {
+        let cameras =
+            ["--camera-a", "a.toml", "--camera-b", "b.toml", "--baseline-m", "1000", "--no-report", "-q"];
+        let args = ["reconstruct", &pictures[0], &pictures[1], "--method", method, "--out", method];
+        place.run_args(&[&args[..], &cameras[..]].concat()).ok();
+        let pose = std::fs::read_to_string(place.path(method).join("pose.json")).unwrap();
+        let pose: serde_json::Value = serde_json::from_str(&pose).unwrap();
+        let rows = pose["cam_b_from_cam_a"].as_array().unwrap();
+        rows.iter().flat_map(|row| row.as_array().unwrap()).map(|value| value.as_f64().unwrap()).collect()
+    };
+    let [features, network] = ["stereo", "mast3r-stereo"].map(pose);
+    let largest = |of: fn(usize) -> bool| {
+        let differences = features.iter().zip(&network).enumerate().filter(|(k, _)| of(*k));
+        differences.map(|(_, (a, b))| (a - b).abs()).fold(0.0, f64::max)
+    };
+    // Radians, and metres of a baseline of 1000: three sigmas of the poses, some 0.015° and 0.03°.
+    let (turn, shift_m) = (largest(|k| k % 4 < 3), largest(|k| k % 4 == 3));
+    eprintln!("turn {turn:.6}, shift {shift_m:.3} m");
+    assert!(turn < 8e-4 && shift_m < 1.7, "{turn} {shift_m}");
+    eprintln!("RAN shared-data: shared_apollo_pair_is_matched_by_the_builtin_network");
+}
