@@ -146,9 +146,9 @@ pub enum Method {
     Sift,
     /// The pose from features, then a point per pixel.
     Stereo,
-    /// A network of the MASt3R family: matches and a point per pixel; needs --weights.
+    /// A network of the MASt3R family: matches and a point per pixel.
     Mast3r,
-    /// The matches of such a network in place of features, then a point per pixel as `stereo`; needs --weights.
+    /// The matches of such a network in place of features, then a point per pixel as `stereo`.
     Mast3rStereo,
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// The file's name.
 pub const RUN_NAME: &str = "run.toml";
 /// Raised when numbers of an older version must not be mixed with new ones.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What decides the numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -152,7 +152,7 @@ fn with_matcher(
     matcher: Matcher<'_>,
     priors: &Priors,
     options: &Options,
-    mut progress: &mut impl FnMut(Stage),
+    progress: &mut impl FnMut(Stage),
 ) -> Result<Reconstruction, Error> {
     check([a, b])?;
     // Before minutes of work: a source that is asked for must be there.
@@ -175,7 +175,7 @@ fn with_matcher(
     warnings.extend(start.source.warning());
     let views = match options.method {
         Method::Sift => triangulate::matched([&a.camera, &b.camera], &start.cam_b_from_cam_a, &start.matches),
-        Method::Stereo => dense(&a, &b, &start, options, &mut progress)?,
+        Method::Stereo => dense(&a, &b, &start, options, progress)?,
     };
     let prediction = Prediction { cam_b_from_cam_a: Ok(start.cam_b_from_cam_a), views: Some(views) };
     progress(Stage::Placement);

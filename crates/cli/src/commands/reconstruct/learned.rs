@@ -77,7 +77,8 @@ impl Choice {
         network::open(&args.network, &self.run, &task, ui)
     }
 
-    /// Runs the network and places what it says, or what stereo makes of its matches (with `options`); what was done to the pictures is added to their notes.
+    /// Runs the network and places what it says, or what stereo makes of its matches (with `options`); what was done to the
+    /// pictures is added to their notes.
     ///
     /// # Errors
     /// Weights that make no network; a picture below one patch; a pair that cannot tell.
