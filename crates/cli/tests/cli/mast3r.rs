@@ -181,6 +181,8 @@ fn the_builtin_network_is_a_checkpoint_like_any_other() {
     let own =
         place.run(&format!("{line} --method mast3r-stereo --weights own.safetensors --out own --json")).ok();
     assert_eq!(builtin.json()["pose"], own.json()["pose"]);
+    let points = place.run(&format!("{line} --method mast3r --out points"));
+    assert!(points.stderr.contains("its own points are no terrain"), "{}", points.stderr);
     let run = std::fs::read_to_string(place.path("builtin/run.toml")).unwrap();
     assert!(
         run.contains("[settings.learned.network]") && run.contains("[settings.pipeline.stereo]"),

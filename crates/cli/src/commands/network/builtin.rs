@@ -23,12 +23,17 @@ pub fn open(path: Option<&Path>, heads: HeadCounts) -> anyhow::Result<Checkpoint
     }
 }
 
+/// Whether a checkpoint is that of the program.
+pub fn is(checkpoint: &Checkpoint) -> bool {
+    checkpoint.path() == Path::new(FULL_NAME)
+}
+
 /// BLAKE3 of the file that a checkpoint was opened from.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub fn checksum(checkpoint: &Checkpoint) -> anyhow::Result<String> {
-    if checkpoint.path() == Path::new(FULL_NAME) {
+    if is(checkpoint) {
         return Ok(blake3::hash(WEIGHTS).to_string());
     }
     let sums = checksums(&[checkpoint.path().to_owned()])?;

@@ -2,7 +2,7 @@
 
 use super::inputs::Pictures;
 use crate::args::reconstruct::{Method, PointsFrom, PoseFrom, Reconstruct};
-use crate::commands::network;
+use crate::commands::network::{self, builtin};
 use crate::exit::refuse;
 use crate::ui::Ui;
 use selenograph_network::Checkpoint;
@@ -74,7 +74,16 @@ impl Choice {
     pub fn open(&self, args: &Reconstruct, pictures: &Pictures, ui: &Ui) -> anyhow::Result<Checkpoint> {
         let focal = self.focal_knowledge(pictures);
         let task = network::Task { pictures: pictures.sizes(), focal, num_pairs: 1 };
-        network::open(&args.network, &self.run, &task, ui)
+        let checkpoint = network::open(&args.network, &self.run, &task, ui)?;
+        let takes_its_points =
+            self.geometry.as_ref().is_some_and(|g| g.points == learned::PointsFrom::Network);
+        if takes_its_points && builtin::is(&checkpoint) {
+            ui.note(
+                "warning: the built-in network is for matches, its own points are no terrain: take `--points-from triangulated`, \
+                 or `--method mast3r-stereo`",
+            );
+        }
+        Ok(checkpoint)
     }
 
     /// Runs the network and places what it says, or what stereo makes of its matches (with `options`); what was done to the
