@@ -38,4 +38,3 @@ for step in features matching estimate wall; do
         printf "median %-8s OpenCV %7.1f ms, selenograph %7.1f ms, ratio %.2f\n", step, theirs, ours, ours / theirs
     }'
 done
-printf 'selenograph besides: subpixel %s ms, refinement %s ms\n' "$(median selenograph subpixel_ms)" "$(median selenograph refinement_ms)"

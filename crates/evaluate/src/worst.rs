@@ -73,6 +73,7 @@ mod tests {
     use super::*;
     use crate::method::Method;
     use crate::run::lines::tests::line;
+    use selenograph_reconstruct::pipeline::Method as Pictures;
 
     #[test]
     fn the_worst_light_of_each_pair_comes_first() {
@@ -81,7 +82,7 @@ mod tests {
             line("sift", "a", 1, None, 0.3),
             line("sift", "b", 0, Some(0.1), 0.2),
         ];
-        let method = MethodLines { method: Method::Sift, settings: String::new(), lines };
+        let method = MethodLines { method: Method::Pictures(Pictures::Sift), settings: String::new(), lines };
         let found: Vec<(&str, u64)> =
             worst(&method).iter().map(|w| (w.line.item.pair.as_str(), w.line.item.light_a)).collect();
         assert_eq!(found, [("a", 1), ("b", 0)]);

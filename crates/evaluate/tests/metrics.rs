@@ -184,8 +184,10 @@ proptest! {
 fn no_answers_count_and_the_rest_is_null() {
     let truth = pair();
     let reference = Reference::new(&truth, &Settings::default()).unwrap();
-    let silent =
-        Prediction { cam_b_from_cam_a: Err(CannotSay::TooFewMatches { found: 3, needed: 5 }), views: None };
+    let silent = Prediction {
+        cam_b_from_cam_a: Err(CannotSay::TooFewMatches { found: 3, needed: 5 }.into()),
+        views: None,
+    };
     let metrics = reference.measure(&silent, Promise::Points).unwrap();
     reasons_are_complete(&metrics);
     assert!(metrics.pose_failed && metrics.pose_error_deg() == f64::INFINITY);

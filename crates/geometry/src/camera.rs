@@ -239,6 +239,11 @@ impl Camera {
     }
 }
 
+/// The geometric mean of the focal lengths of both cameras, pixels: what carries a distance in pixels to the plane `z = 1`.
+pub fn mean_focal_px(cameras: [&Camera; 2]) -> f64 {
+    cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

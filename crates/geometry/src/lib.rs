@@ -15,7 +15,7 @@ pub mod similarity;
 pub mod units;
 
 pub use body::{Body, Geodetic};
-pub use camera::{Camera, Distortion};
+pub use camera::{Camera, Distortion, mean_focal_px};
 pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame, PredA};
 pub use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitQuaternion, UnitVector3, Vector2, Vector3};
 pub use pixel::PixelConvention;

@@ -5,7 +5,7 @@ use selenograph_engine::Footprint;
 use selenograph_network::NetworkConfig;
 use selenograph_network::cost::{Directions, Flops};
 use selenograph_network::input::Plan;
-use selenograph_reconstruct::pipeline::FocalKnowledge;
+use selenograph_reconstruct::evidence::FocalKnowledge;
 
 /// What the engine reaches of the rate of large products: attention and small layers are slower.
 const EFFICIENCY: f64 = 0.8;

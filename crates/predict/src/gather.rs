@@ -7,9 +7,10 @@ use selenograph_engine::focal::focal_of_pointmap;
 use selenograph_geometry::{Camera, pixel};
 use selenograph_network::NetworkConfig;
 use selenograph_network::input::Plan;
+use selenograph_reconstruct::evidence::{FocalKnowledge, FocalSource};
 use selenograph_reconstruct::learned::Learned;
+use selenograph_reconstruct::learned::LearnedInput;
 use selenograph_reconstruct::matching::Grain;
-use selenograph_reconstruct::pipeline::{FocalKnowledge, FocalSource, LearnedInput};
 
 /// Focal lengths that are believed, in widths of the picture: fields of view of 103° to 7°.
 const FOCAL_WIDTHS: std::ops::RangeInclusive<f64> = 0.4..=8.0;

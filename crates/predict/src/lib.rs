@@ -2,7 +2,7 @@
 //!
 //! ```no_run
 //! use selenograph_predict::{HeadCounts, PredictOptions, Predictor};
-//! use selenograph_reconstruct::pipeline::FocalKnowledge;
+//! use selenograph_reconstruct::evidence::FocalKnowledge;
 //! # fn show(views: [selenograph_reconstruct::View; 2]) -> Result<(), selenograph_predict::Error> {
 //! let predictor = Predictor::open("weights.safetensors".as_ref(), HeadCounts::default(), &PredictOptions::default())?;
 //! let said = predictor.predict(&views, FocalKnowledge::Known, &mut |_| {})?;

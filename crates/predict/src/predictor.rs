@@ -11,7 +11,8 @@ use selenograph_network::checkpoint::HeadCounts;
 use selenograph_network::input::Plan;
 use selenograph_network::model_string::Family;
 use selenograph_reconstruct::View;
-use selenograph_reconstruct::pipeline::{FocalKnowledge, LearnedInput};
+use selenograph_reconstruct::evidence::FocalKnowledge;
+use selenograph_reconstruct::learned::LearnedInput;
 use serde::Serialize;
 use std::path::Path;
 
@@ -122,8 +123,7 @@ pub struct EncodedView {
 /// What a network says of two views.
 #[derive(Debug, Clone)]
 pub struct Predicted {
-    /// Points and matches on the pictures' grids, for [`selenograph_reconstruct::pipeline::reconstruct_learned`] and
-    /// [`selenograph_reconstruct::learned::solve`].
+    /// Points and matches on the pictures' grids, for [`selenograph_reconstruct::pipeline::reconstruct`].
     pub input: LearnedInput,
     /// What was done to either picture, in sentences.
     pub notes: [Vec<String>; 2],

@@ -10,8 +10,9 @@ use selenograph_geometry::{
 };
 use selenograph_raster::Raster;
 use selenograph_raster::codec::{exr, jpeg, npz};
+use selenograph_reconstruct::priors::{KnownPose, Priors};
 use selenograph_reconstruct::products::{self, ProductInput, ProductOptions};
-use selenograph_reconstruct::scale::{self, ScaleSource, World};
+use selenograph_reconstruct::scale::World;
 use selenograph_reconstruct::{Fill, PredictedView, Prediction, View};
 use std::error::Error;
 use std::path::Path;
@@ -35,7 +36,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ]),
     };
     let world = World::Body { body: Body::moon(), body_from_cam_a };
-    let placement = scale::place(&prediction, ScaleSource::Pose, world)?;
+    let pose = Some(KnownPose { cam_b_from_cam_a, metric: true });
+    let placement = Priors { cam_b_from_cam_a: pose, world, ..Priors::default() }.place(&prediction)?;
     let input = ProductInput {
         views: [&view_a, &view_b],
         prediction: &prediction,

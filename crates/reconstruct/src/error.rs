@@ -89,6 +89,12 @@ pub enum Error {
         /// Why the input cannot tell.
         why: String,
     },
+    /// A method that rests on a network without what it says.
+    #[error("`{method}` needs what a network says of the pictures, and nothing is given")]
+    NoNetworkOutput {
+        /// The method.
+        method: &'static str,
+    },
     /// The pictures do not tell a relative pose.
     #[error("cannot say: {0}")]
     CannotSay(#[from] CannotSay),

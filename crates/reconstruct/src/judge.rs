@@ -1,10 +1,13 @@
 //! What a known motion says of matches.
 
-use crate::relative_pose::{PairMatch, mean_focal_px};
+use crate::relative_pose::JudgedMatch;
 use nalgebra::{Matrix3, Vector3};
-use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3};
+use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, mean_focal_px};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::{cheirality, sampson};
+
+/// Poses from navigation are off by pixels: matches are judged by this many pixels, in place of the threshold of an estimate.
+pub(crate) const GIVEN_TOLERANCE_PX: f64 = 3.0;
 
 /// Whether matches agree with a motion.
 pub(crate) struct Judge<'a> {
@@ -43,7 +46,7 @@ impl<'a> Judge<'a> {
     }
 
     /// A match with what the motion leaves of it.
-    pub fn judged(&self, a: Point2<f64>, b: Point2<f64>, sigma_px: Option<f64>) -> PairMatch {
-        PairMatch { a, b, residual_px: self.residual_px(&a, &b), sigma_px, inlier: self.agrees(&a, &b) }
+    pub fn judged(&self, a: Point2<f64>, b: Point2<f64>, sigma_px: Option<f64>) -> JudgedMatch {
+        JudgedMatch { a, b, residual_px: self.residual_px(&a, &b), sigma_px, inlier: self.agrees(&a, &b) }
     }
 }

@@ -8,6 +8,7 @@ pub mod camera_file;
 pub mod cloud;
 mod dispatch;
 pub mod error;
+pub mod evidence;
 pub mod features;
 pub mod frames;
 pub mod grid;
@@ -28,5 +29,5 @@ pub mod triangulate;
 pub mod view;
 
 pub use error::Error;
-pub use prediction::{Fill, PredictedView, Prediction};
+pub use prediction::{Fill, NoPose, PredictedView, Prediction};
 pub use view::View;

@@ -29,11 +29,23 @@ pub struct PredictedView {
     pub fill: Raster<Fill>,
 }
 
+/// Why there is no relative pose.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoPose {
+    /// The pictures do not tell one.
+    #[error(transparent)]
+    CannotSay(#[from] CannotSay),
+    /// None was asked for.
+    #[error("no pose was asked for")]
+    NotAsked,
+}
+
 /// What a method says of a pair.
 #[derive(Debug, Clone)]
 pub struct Prediction {
     /// The relative pose in the prediction's unit, or why there is none.
-    pub cam_b_from_cam_a: Result<Rigid3<CamB, CamA>, CannotSay>,
+    pub cam_b_from_cam_a: Result<Rigid3<CamB, CamA>, NoPose>,
     /// Points of view A and of view B; `None` for a method that gives a pose only, or where it cannot say.
     pub views: Option<[PredictedView; 2]>,
 }

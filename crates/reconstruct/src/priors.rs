@@ -4,9 +4,8 @@ use crate::Error;
 use crate::prediction::Prediction;
 use crate::scale::dem::{self, DemOptions, DemPatch};
 use crate::scale::points::{self, KnownPoints};
-use crate::scale::{self, Placement, ScaleSource, World};
-use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3};
-use serde::{Deserialize, Serialize};
+use crate::scale::{Placement, ScaleSource, World, altitude, baseline};
+use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3, Sim3};
 
 /// A relative pose that was given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,29 +25,12 @@ pub struct KnownLength {
     pub sigma_m: f64,
 }
 
-/// Where the size comes from, if several priors can tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ScaleFrom {
-    /// The distance between the cameras: given as such, or by a metric relative pose.
-    Baseline,
-    /// The height of camera A over the ground below it.
-    Altitude,
-    /// A coarse elevation model, seen from where camera A stands.
-    Dem,
-    /// Known points.
-    Points,
-}
-
-impl ScaleFrom {
-    /// The name on the command line and in files.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Baseline => "baseline",
-            Self::Altitude => "altitude",
-            Self::Dem => "dem",
-            Self::Points => "points",
+impl KnownLength {
+    fn positive(self, key: &'static str) -> Result<Self, Error> {
+        if self.metres.is_finite() && self.metres > 0.0 {
+            return Ok(self);
         }
+        Err(Error::Value { key, expected: "a length > 0 m", found: self.metres.to_string() })
     }
 }
 
@@ -69,8 +51,8 @@ pub struct Priors {
     pub dem_options: DemOptions,
     /// Points of picture A whose place is known.
     pub points: Option<KnownPoints>,
-    /// Which of these gives the size; by default the first that is there, in the order of [`ScaleFrom`].
-    pub scale_from: Option<ScaleFrom>,
+    /// Which of these gives the size; by default the first that is there, in the order of [`ScaleSource`].
+    pub scale_from: Option<ScaleSource>,
 }
 
 impl Priors {
@@ -78,13 +60,17 @@ impl Priors {
     ///
     /// # Errors
     /// [`Error::Undetermined`] if the one asked for is not there.
-    pub fn scale_from(&self) -> Result<Option<ScaleFrom>, Error> {
+    pub fn scale_from(&self) -> Result<Option<ScaleSource>, Error> {
         let Some(asked) = self.scale_from else {
-            let all = [ScaleFrom::Baseline, ScaleFrom::Altitude, ScaleFrom::Dem, ScaleFrom::Points];
-            return Ok(all.into_iter().find(|source| self.has(*source)));
+            return Ok(ScaleSource::ALL.into_iter().find(|source| self.has(*source)));
         };
-        if self.has(asked) {
-            return Ok(Some(asked));
+        // A metric pose gives a baseline too.
+        let given = match asked {
+            ScaleSource::Baseline if self.baseline.is_none() => ScaleSource::Pose,
+            other => other,
+        };
+        if self.has(given) {
+            return Ok(Some(given));
         }
         Err(Error::Undetermined {
             what: "scale",
@@ -92,51 +78,56 @@ impl Priors {
         })
     }
 
-    fn has(&self, source: ScaleFrom) -> bool {
+    fn has(&self, source: ScaleSource) -> bool {
         match source {
-            ScaleFrom::Baseline => self.baseline.is_some() || self.metric_pose().is_some(),
-            ScaleFrom::Altitude => self.altitude.is_some(),
-            ScaleFrom::Dem => self.dem.is_some() && matches!(self.world, World::Body { .. }),
-            ScaleFrom::Points => self.points.is_some(),
+            ScaleSource::Baseline => self.baseline.is_some(),
+            ScaleSource::Pose => self.cam_b_from_cam_a.is_some_and(|pose| pose.metric),
+            ScaleSource::Altitude => self.altitude.is_some(),
+            ScaleSource::Dem => self.dem.is_some() && matches!(self.world, World::Body { .. }),
+            ScaleSource::Points => self.points.is_some(),
         }
-    }
-
-    fn metric_pose(&self) -> Option<&KnownPose> {
-        self.cam_b_from_cam_a.as_ref().filter(|pose| pose.metric)
     }
 
     /// Size and place of a prediction.
     ///
+    /// The error of the scale is that of the source, with what the surface adds where it is compared with it; the error of
+    /// the prediction's own shape is not in it.
+    ///
     /// # Errors
-    /// Those of the source: a length that is none, a surface that is not below the camera or not on the elevation model, points that do
-    /// not fix a similarity.
+    /// Those of the source: a length that is none, a prediction without a baseline, a surface that is not below the camera or not on
+    /// the elevation model, points that do not fix a similarity.
     pub fn place(&self, prediction: &Prediction) -> Result<Placement, Error> {
-        let world = || self.world.clone();
-        let Some(source) = self.scale_from()? else {
-            return scale::place(prediction, ScaleSource::None, world());
-        };
-        match source {
-            ScaleFrom::Baseline => match self.baseline {
-                Some(KnownLength { metres, sigma_m }) => {
-                    let source = ScaleSource::Baseline { baseline_m: metres, sigma_m };
-                    scale::place(prediction, source, world())
-                }
-                None => scale::place(prediction, ScaleSource::Pose, world()),
-            },
-            ScaleFrom::Altitude => {
-                let KnownLength { metres, sigma_m } =
-                    self.altitude.unwrap_or(KnownLength { metres: f64::NAN, sigma_m: 0.0 });
-                let source = ScaleSource::Altitude { altitude_m: metres, sigma_m };
-                scale::place(prediction, source, world())
+        let source = self.scale_from()?;
+        let (scale, sigma) = match source {
+            // A method's own unit means nothing to anybody else: the baseline does.
+            None => (baseline(prediction).map_or(1.0, |baseline| 1.0 / baseline), None),
+            Some(ScaleSource::Pose) => (1.0, None),
+            Some(source @ ScaleSource::Baseline) => {
+                let given = given(self.baseline, source)?.positive("baseline_m")?;
+                let baseline = baseline(prediction).ok_or_else(|| Error::Undetermined {
+                    what: "scale from the baseline",
+                    why: "the prediction has no relative pose with a baseline".to_owned(),
+                })?;
+                (given.metres / baseline, Some(given.sigma_m / given.metres))
             }
-            ScaleFrom::Dem => self.place_by_dem(prediction),
-            ScaleFrom::Points => self.place_by_points(prediction),
-        }
-    }
-
-    fn place_by_points(&self, prediction: &Prediction) -> Result<Placement, Error> {
-        let none = || Error::Undetermined { what: "scale from known points", why: "there are none".into() };
-        Ok(points::fit(prediction, self.points.as_ref().ok_or_else(none)?)?.placement)
+            Some(source @ ScaleSource::Altitude) => {
+                let given = given(self.altitude, source)?.positive("altitude_m")?;
+                let below = altitude::above_surface(prediction, self.world.up_in_cam_a().as_ref())?;
+                let sigma = (given.sigma_m / given.metres).hypot(below.sigma / below.altitude);
+                (given.metres / below.altitude, Some(sigma))
+            }
+            Some(ScaleSource::Dem) => return self.place_by_dem(prediction),
+            Some(source @ ScaleSource::Points) => {
+                return Ok(points::fit(prediction, given(self.points.as_ref(), source)?)?.placement);
+            }
+        };
+        Ok(Placement {
+            cam_a_from_pred: Sim3::new(scale, Rigid3::identity())?,
+            metric: source.is_some(),
+            scale_sigma: sigma.filter(|sigma| *sigma > 0.0 && sigma.is_finite()),
+            source,
+            world: self.world.clone(),
+        })
     }
 
     fn place_by_dem(&self, prediction: &Prediction) -> Result<Placement, Error> {
@@ -152,6 +143,14 @@ impl Priors {
             }),
         }
     }
+}
+
+/// What a source needs, which [`Priors::scale_from`] has found to be there.
+fn given<T>(prior: Option<T>, source: ScaleSource) -> Result<T, Error> {
+    prior.ok_or_else(|| Error::Undetermined {
+        what: "scale",
+        why: format!("nothing is given for `{}`", source.as_str()),
+    })
 }
 
 /// Relative pose of two cameras whose places are known.

@@ -5,11 +5,10 @@ use crate::features::{orb, sift};
 use crate::matching::{self, Grain, Match};
 use crate::subpixel;
 use crate::view::View;
-use selenograph_geometry::{Camera, Point2};
+use selenograph_geometry::{Camera, Point2, mean_focal_px};
 use selenograph_pose::relative::{CannotSay, Order, Refinement, RelativeOptions, RelativePose, estimate};
 use selenograph_pose::sampson;
 use serde::{Deserialize, Serialize};
-use std::time::{Duration, Instant};
 
 /// Matches that an estimate needs at least, as it says itself.
 const MIN_MATCHES: usize = 8;
@@ -112,7 +111,7 @@ impl Default for OrbOptions {
 
 /// A match with what the pose leaves of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PairMatch {
+pub struct JudgedMatch {
     /// In picture A, pixels from its corner.
     pub a: Point2<f64>,
     /// In picture B.
@@ -125,7 +124,7 @@ pub struct PairMatch {
     pub inlier: bool,
 }
 
-impl PairMatch {
+impl JudgedMatch {
     /// A match that no pose has judged.
     pub fn unjudged(a: Point2<f64>, b: Point2<f64>) -> Self {
         Self { a, b, residual_px: f64::NAN, sigma_px: None, inlier: false }
@@ -147,32 +146,15 @@ pub struct Counts {
     pub inliers: usize,
 }
 
-/// What each step took.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Durations {
-    /// Finding and describing features in both pictures.
-    pub features: Duration,
-    /// Matching them.
-    pub matching: Duration,
-    /// First estimate.
-    pub estimate: Duration,
-    /// Aligning windows.
-    pub subpixel: Duration,
-    /// Final estimate.
-    pub refinement: Duration,
-}
-
 /// A relative pose and the matches it rests on.
 #[derive(Debug, Clone)]
 pub struct PairPose {
     /// The pose, its translation of length 1; its list of inliers goes with `matches`.
     pub pose: RelativePose,
     /// The matches of the last step that had enough of them.
-    pub matches: Vec<PairMatch>,
+    pub matches: Vec<JudgedMatch>,
     /// How many there were after each step.
     pub counts: Counts,
-    /// What each step took.
-    pub durations: Durations,
 }
 
 /// The whole chain: SIFT, mutual nearest neighbours, LO-RANSAC, aligned windows, Sampson refinement over all of them.
@@ -180,17 +162,16 @@ pub struct PairPose {
 /// # Errors
 /// [`CannotSay`] with the reason, also for pictures that show nothing.
 pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
-    let mut work = Work::start();
+    let mut counts = Counts::default();
     let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
     let mut attempt = |features: &sift::Options| {
-        let found = matched([&seen_a, &seen_b], features, &options.matching, &mut work);
+        let found = matched([&seen_a, &seen_b], features, &options.matching, &mut counts);
         let robust = options.robust(options.threshold_px, FEATURE_NOISE_PX, cameras);
         let estimated = Estimated::new(&found, None, cameras, &robust);
-        work.lap(|durations| &mut durations.estimate);
         estimated.map(|estimated| (found, estimated))
     };
     let mut first = attempt(&options.features);
@@ -205,7 +186,7 @@ pub fn sift(a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, Canno
         }
     }
     let (found, first) = first?;
-    first.aligned(&found, [&seen_a, &seen_b], cameras, options, work)
+    first.aligned(&found, [&seen_a, &seen_b], cameras, options, counts)
 }
 
 /// The chain from any matcher's matches on, robust estimate, aligned windows, Sampson refinement. Of `options` only what comes after the matching counts, `threshold_px` in pixels of the matcher.
@@ -219,7 +200,7 @@ pub fn of_matches(
     grain: Grain,
     options: &SiftOptions,
 ) -> Result<PairPose, CannotSay> {
-    let mut work = Work::start();
+    let mut counts = Counts::default();
     let (Some(seen_a), Some(seen_b)) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image))
     else {
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
@@ -231,9 +212,8 @@ pub fn of_matches(
         ..options.robust(threshold_px, noise_px, cameras)
     };
     let first = Estimated::new(found, None, cameras, &robust)?;
-    work.lap(|durations| &mut durations.estimate);
-    work.counts.matches = found.len();
-    first.aligned(found, [&seen_a, &seen_b], cameras, options, work)
+    counts.matches = found.len();
+    first.aligned(found, [&seen_a, &seen_b], cameras, options, counts)
 }
 
 /// Features of both pictures and their matches.
@@ -241,14 +221,12 @@ fn matched(
     [a, b]: [&Intensity; 2],
     features: &sift::Options,
     matching: &matching::Options,
-    work: &mut Work,
+    counts: &mut Counts,
 ) -> Vec<Match> {
     let (a, b) = rayon::join(|| sift::detect_in(a, features), || sift::detect_in(b, features));
-    work.lap(|durations| &mut durations.features);
     let found = matching::sift(&a, &b, matching);
-    work.lap(|durations| &mut durations.matching);
-    work.counts.features = [a.keypoints.len(), b.keypoints.len()];
-    work.counts.matches = found.len();
+    counts.features = [a.keypoints.len(), b.keypoints.len()];
+    counts.matches = found.len();
     found
 }
 
@@ -257,12 +235,9 @@ fn matched(
 /// # Errors
 /// [`CannotSay`] with the reason, also for pictures that show nothing.
 pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotSay> {
-    let mut work = Work::start();
     let (features_a, features_b) =
         rayon::join(|| orb::detect(&a.image, &options.features), || orb::detect(&b.image, &options.features));
-    work.lap(|durations| &mut durations.features);
     let found = matching::orb(&features_a, &features_b, &options.matching);
-    work.lap(|durations| &mut durations.matching);
     let cameras = [&a.camera, &b.camera];
     let robust = RelativeOptions {
         threshold: options.threshold_px / mean_focal_px(cameras),
@@ -274,45 +249,19 @@ pub fn orb(a: &View, b: &View, options: &OrbOptions) -> Result<PairPose, CannotS
         ..RelativeOptions::default()
     };
     let estimated = Estimated::new(&found, None, cameras, &robust)?;
-    work.lap(|durations| &mut durations.estimate);
-    work.counts = Counts {
+    let counts = Counts {
         features: [features_a.keypoints.len(), features_b.keypoints.len()],
         matches: found.len(),
         first_inliers: estimated.inliers(&found).len(),
         ..Counts::default()
     };
-    Ok(estimated.into_pair(work))
-}
-
-/// What was done so far and how long it took.
-struct Work {
-    counts: Counts,
-    durations: Durations,
-    since: Instant,
-}
-
-impl Work {
-    fn start() -> Self {
-        Self { counts: Counts::default(), durations: Durations::default(), since: Instant::now() }
-    }
-
-    /// Adds the time since the last lap to that of a step.
-    fn lap(&mut self, step: impl Fn(&mut Durations) -> &mut Duration) {
-        let now = Instant::now();
-        *step(&mut self.durations) += now - self.since;
-        self.since = now;
-    }
-}
-
-/// The geometric mean of the focal lengths of both cameras, pixels: what carries a distance in pixels to the plane `z = 1`.
-pub(crate) fn mean_focal_px(cameras: [&Camera; 2]) -> f64 {
-    cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25)
+    Ok(estimated.into_pair(counts))
 }
 
 /// An estimate with the matches it came from.
 struct Estimated {
     pose: RelativePose,
-    matches: Vec<PairMatch>,
+    matches: Vec<JudgedMatch>,
 }
 
 impl Estimated {
@@ -322,18 +271,7 @@ impl Estimated {
         cameras: [&Camera; 2],
         options: &RelativeOptions,
     ) -> Result<Self, CannotSay> {
-        let outside = Point2::new(f64::NAN, f64::NAN);
-        let on_plane = |camera: &Camera, at: &Point2<f64>| {
-            camera.ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y))
-        };
-        let matches: Vec<_> = found
-            .iter()
-            .map(|m| selenograph_pose::relative::Match {
-                a: on_plane(cameras[0], &m.a),
-                b: on_plane(cameras[1], &m.b),
-                score: m.score,
-            })
-            .collect();
+        let matches = matching::on_plane(cameras, found);
         let pose = estimate(&matches, options)?;
         let motion = selenograph_pose::decompose::Motion {
             rotation: pose.cam_b_from_cam_a.rotation(),
@@ -343,7 +281,7 @@ impl Estimated {
         let matches = (0..found.len())
             .map(|i| {
                 let [a, b] = [&matches[i].a, &matches[i].b].map(|p| nalgebra::Vector3::new(p.x, p.y, 1.0));
-                PairMatch {
+                JudgedMatch {
                     a: found[i].a,
                     b: found[i].b,
                     residual_px: sampson::distance(&essential, &a, &b) * focal_px,
@@ -366,16 +304,15 @@ impl Estimated {
         [a, b]: [&Intensity; 2],
         cameras: [&Camera; 2],
         options: &SiftOptions,
-        mut work: Work,
+        mut counts: Counts,
     ) -> Result<PairPose, CannotSay> {
         let seeds = self.inliers(found);
-        work.counts.first_inliers = seeds.len();
+        counts.first_inliers = seeds.len();
         let refined = match &options.subpixel {
             Some(options) => subpixel::refine(a, b, &seeds, options),
             None => Vec::new(),
         };
-        work.lap(|durations| &mut durations.subpixel);
-        work.counts.refined = refined.len();
+        counts.refined = refined.len();
         let is_enough =
             refined.len() >= MIN_MATCHES && refined.len() as f64 >= MIN_REFINED_SHARE * seeds.len() as f64;
         let second = is_enough.then(|| {
@@ -385,12 +322,11 @@ impl Estimated {
             let robust = options.robust(options.refined_threshold_px, WINDOW_NOISE_PX, cameras);
             Self::new(&aligned, Some(&sigmas), cameras, &robust)
         });
-        work.lap(|durations| &mut durations.refinement);
         match second {
-            Some(Ok(second)) => Ok(second.into_pair(work)),
+            Some(Ok(second)) => Ok(second.into_pair(counts)),
             // What looked like a motion was the noise of the features.
             Some(Err(none @ CannotSay::NoParallax { .. })) => Err(none),
-            Some(Err(_)) | None => Ok(self.into_pair(work)),
+            Some(Err(_)) | None => Ok(self.into_pair(counts)),
         }
     }
 
@@ -398,8 +334,8 @@ impl Estimated {
         self.pose.inliers.iter().filter(|inlier| **inlier).count()
     }
 
-    fn into_pair(self, work: Work) -> PairPose {
-        let counts = Counts { inliers: self.num_inliers(), ..work.counts };
-        PairPose { pose: self.pose, matches: self.matches, counts, durations: work.durations }
+    fn into_pair(self, counts: Counts) -> PairPose {
+        let counts = Counts { inliers: self.num_inliers(), ..counts };
+        PairPose { pose: self.pose, matches: self.matches, counts }
     }
 }

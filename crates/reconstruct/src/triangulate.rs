@@ -1,6 +1,6 @@
 //! Points from pairs of rays with a known motion between the cameras.
 
-use crate::relative_pose::PairMatch;
+use crate::relative_pose::JudgedMatch;
 use crate::{Fill, PredictedView};
 use selenograph_geometry::{CamA, CamB, Camera, Frame, Point2, Rigid3, Vector3, pixel};
 use selenograph_pose::decompose::Motion;
@@ -73,7 +73,7 @@ pub fn along_ray<To: Frame, From: Frame>(
 pub fn matched(
     cameras: [&Camera; 2],
     cam_b_from_cam_a: &Rigid3<CamB, CamA>,
-    matches: &[PairMatch],
+    matches: &[JudgedMatch],
 ) -> [PredictedView; 2] {
     let motion =
         Motion { rotation: cam_b_from_cam_a.rotation(), translation: cam_b_from_cam_a.origin().coords };

@@ -5,11 +5,10 @@ use selenograph_geometry::pixel::center_of;
 use selenograph_geometry::{CamA, CamB, Camera, Distortion, Point2, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_pose::relative::{CannotSay, Refinement};
 use selenograph_raster::Raster;
-use selenograph_reconstruct::learned::Learned;
+use selenograph_reconstruct::evidence::{FocalKnowledge, FocalSource, PoseSource};
+use selenograph_reconstruct::learned::{Learned, LearnedInput};
 use selenograph_reconstruct::matching::{Grain, Match};
-use selenograph_reconstruct::pipeline::{
-    FocalKnowledge, FocalSource, Options, PoseSource, reconstruct_matched,
-};
+use selenograph_reconstruct::pipeline::{Input, Method, Options, reconstruct};
 use selenograph_reconstruct::priors::{KnownPose, Priors};
 use selenograph_reconstruct::relative_pose::{OrbOptions, SiftOptions, orb, sift};
 use selenograph_reconstruct::{Error, Fill, View};
@@ -104,7 +103,7 @@ fn rolled_scaled_and_distorted_views_are_solved_whatever_the_threads() {
     }
     let found = sift(&a, &b, &SiftOptions::default()).unwrap();
     let [rotation, direction] = errors_deg(&found.pose.cam_b_from_cam_a, &truth);
-    println!("{rotation:.4}° {direction:.4}° {:?} {:?}", found.counts, found.durations);
+    println!("{rotation:.4}° {direction:.4}° {:?}", found.counts);
     assert!(rotation < MAX_ROTATION_DEG && direction < MAX_DIRECTION_DEG);
     assert_eq!(found.pose.inliers.len(), found.matches.len());
     assert!(found.matches.iter().all(|m| {
@@ -185,9 +184,13 @@ fn coarse_matches_of_a_network_give_the_pose_and_surface_of_subpixel_windows() {
     let (a, b, truth) = pair();
     let matches = coarse_matches(&a, &b, &truth);
     let solve = |matches: &Learned, priors: &Priors, options: &Options| {
-        reconstruct_matched(&a, &b, matches, priors, options, |_| {})
+        let cameras = [a.camera.clone(), b.camera.clone()];
+        let said = LearnedInput { learned: matches.clone(), cameras, focal: FocalSource::Known };
+        let input = Input { views: [&a, &b], learned: Some(&said) };
+        reconstruct(&input, priors, options, |_| {})
     };
-    let (nothing, options) = (Priors::default(), Options::default());
+    let options = Options { method: Method::Mast3rStereo, ..Options::default() };
+    let nothing = Priors::default();
     let found = solve(&matches, &nothing, &options).unwrap();
     let [rotation, direction] = errors_deg(found.prediction.cam_b_from_cam_a.as_ref().unwrap(), &truth);
     println!("{rotation:.4}° {direction:.4}° {:?}", found.counts);
@@ -203,7 +206,7 @@ fn coarse_matches_of_a_network_give_the_pose_and_surface_of_subpixel_windows() {
     let PoseSource::Given { agreeing, matches: all, .. } = found.pose else { panic!("{:?}", found.pose) };
     assert!(agreeing == all && found.placement.metric, "{agreeing} of {all}");
     // A guessed focal length comes from the same matches or is said to be an assumption.
-    let guessed = Options { focal: FocalKnowledge::Guessed, ..Options::default() };
+    let guessed = Options { focal: FocalKnowledge::Guessed, ..options.clone() };
     let found = solve(&matches, &nothing, &guessed).unwrap();
     assert!(matches!(found.focal, FocalSource::Estimated { .. } | FocalSource::Assumed { .. }));
     // Matches that agree with nothing.

@@ -3,7 +3,8 @@
 
 use selenograph_geometry::{CamA, CamB, Camera, Distortion, Point2, Point3, Rigid3, Rotation3, pixel};
 use selenograph_raster::Raster;
-use selenograph_reconstruct::stereo::{self, Completion, Dense, Seed, StereoOptions};
+use selenograph_reconstruct::matching::Match;
+use selenograph_reconstruct::stereo::{self, Completion, Dense, StereoOptions};
 use selenograph_reconstruct::{Fill, View};
 
 /// Smooth pictures without noise over a gentle surface are found to a few hundredths of a pixel of parallax; the largest
@@ -56,7 +57,7 @@ struct Scene {
     b: View,
     b_from_a: Rigid3<CamB, CamA>,
     truth: [Raster<f64>; 2],
-    seeds: Vec<Seed>,
+    seeds: Vec<Match>,
 }
 
 /// B is turned by two thirds of a half turn, half as bright, of another size, and has a lens if asked.
@@ -73,7 +74,7 @@ fn scene(lens: Distortion) -> Scene {
             let seen =
                 cam_b.project(&b_from_a.point(&ground(&Point3::origin(), &cam_a.ray_z1(&at).unwrap())));
             if let Some(seen) = seen.filter(|p| p.x > 0.0 && p.y > 0.0 && p.x < 144.0 && p.y < 150.0) {
-                seeds.push(Seed { a: at, b: seen });
+                seeds.push(Match { a: at, b: seen, score: 1.0 });
             }
         }
     }
@@ -110,8 +111,7 @@ fn a_turned_darker_larger_second_view_with_and_without_a_lens() {
             assert!(error < MEDIAN_ERROR_PX_OF_HEIGHT && share > 0.5, "view {idx}: {error} px, {share}");
         }
         // The points of B, carried into A's frame, lie on the same ground.
-        let prediction = dense.to_prediction(&scene.a, &scene.b);
-        let [_, b] = prediction.views.as_ref().unwrap();
+        let [_, b] = dense.to_points(&scene.a, &scene.b);
         let mut errors: Vec<f64> = b
             .points
             .data

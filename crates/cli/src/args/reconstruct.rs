@@ -2,7 +2,10 @@
 
 use super::Target;
 use super::network::NetworkChoice;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use selenograph_reconstruct::learned::{PointsFrom, PoseFrom};
+use selenograph_reconstruct::pipeline::Method;
+use selenograph_reconstruct::scale::ScaleSource;
 use std::path::PathBuf;
 
 /// What landers bear.
@@ -103,7 +106,7 @@ pub struct Known {
     pub points: Option<PathBuf>,
     /// Where the size comes from, if several of the above can tell
     #[arg(long, value_name = "SOURCE")]
-    pub scale_from: Option<ScaleFrom>,
+    pub scale_from: Option<ScaleSource>,
 }
 
 /// What the products look like. Lengths are metres, or baselines without a scale.
@@ -139,19 +142,6 @@ impl Default for ProductChoice {
     }
 }
 
-/// Methods.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Method {
-    /// Features only: the pose, and a point per match.
-    Sift,
-    /// The pose from features, then a point per pixel.
-    Stereo,
-    /// A network of the MASt3R family: matches and a point per pixel.
-    Mast3r,
-    /// The matches of such a network in place of features, then a point per pixel as `stereo`.
-    Mast3rStereo,
-}
-
 /// What is made of what the network says.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Network (methods mast3r and mast3r-stereo)")]
@@ -165,41 +155,6 @@ pub struct LearnedChoice {
     /// Decode the pair both ways and take the matches of both
     #[arg(long)]
     pub symmetric: bool,
-}
-
-/// Which points are given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum PointsFrom {
-    /// The network's own
-    #[default]
-    Network,
-    /// Where the rays of dense matches meet, with their sigma
-    Triangulated,
-}
-
-/// Where the pose comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum PoseFrom {
-    /// From the matches; from the points where they do not tell and the points are sure
-    #[default]
-    Matches,
-    /// From the points
-    Points,
-    /// There is none: the points stand alone, unchecked
-    Nothing,
-}
-
-/// Sources of the size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ScaleFrom {
-    /// --baseline-m, or the distance of the two given poses.
-    Baseline,
-    /// --altitude-m.
-    Altitude,
-    /// --dem.
-    Dem,
-    /// --points.
-    Points,
 }
 
 fn direction(text: &str) -> Result<[f64; 3], String> {

@@ -11,14 +11,14 @@ use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::figures::ItemFigures;
 use selenograph_evaluate::method::Method;
-use selenograph_evaluate::method::learned::Network;
+use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::pair_metrics::Promise;
 use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
 use selenograph_evaluate::summary::page::{self, Contents};
 use selenograph_evaluate::summary::{MethodLines, Results, summary_json};
 use selenograph_evaluate::{plots, worst};
 use selenograph_network::Checkpoint;
-use selenograph_reconstruct::pipeline::FocalKnowledge;
+use selenograph_reconstruct::evidence::FocalKnowledge;
 use std::path::Path;
 use std::time::Instant;
 

@@ -16,6 +16,7 @@ mod mast3r;
 mod photometry;
 mod program;
 mod reconstruct;
+mod shipped;
 mod tiff;
 #[cfg(feature = "train")]
 mod train_input;

@@ -7,7 +7,7 @@ mod maps;
 use crate::Error;
 use crate::aligned::AlignedPair;
 use crate::dataset_source::{LoadedPair, Source};
-use crate::method::learned::{Network, Session};
+use crate::method::network::{Network, Session};
 use crate::method::{Item, Method};
 use crate::pair_metrics::{self, Reference, Region};
 use maps::Maps;

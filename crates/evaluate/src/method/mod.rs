@@ -1,6 +1,6 @@
 //! The methods that can be evaluated: the one place where a further one is added.
 
-pub mod learned;
+pub mod network;
 mod pictures;
 mod plane;
 mod truth;
@@ -8,36 +8,39 @@ mod truth;
 use crate::Error;
 use crate::pair_metrics::Promise;
 use crate::truth::TruthPair;
-use learned::PointsOf;
-use selenograph_geometry::{CamA, CamB, Rigid3};
-use selenograph_pose::relative::CannotSay;
-use selenograph_reconstruct::{Prediction, View};
+use selenograph_reconstruct::{Prediction, View, pipeline};
 use serde::{Deserialize, Serialize};
 
-/// A method. To add one: a variant here, its words in `Method::words`, its work in [`Method::answer`].
+pub use pictures::Pose;
+
+/// What is evaluated. To add a method: a variant of [`pipeline::Method`] and its words in `Method::words`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(into = "&'static str", try_from = "String")]
 pub enum Method {
-    /// The paper's baseline: ORB, pose only.
-    Orb,
-    /// SIFT, robust estimation, subpixel windows, refinement: pose only.
-    Sift,
-    /// The pose of `sift`, then dense stereo.
-    Stereo,
-    /// A network of the MASt3R family: points, and the pose of its matches.
-    Mast3r,
-    /// Matches of a network of the MASt3R family, windows aligned to subpixels, then dense stereo.
-    #[serde(rename = "mast3r-stereo")]
-    Mast3rStereo,
+    /// A way of `reconstruct`: what it says of an item is what the command would write.
+    Pictures(pipeline::Method),
     /// The truth itself: what a perfect answer scores.
     Truth,
     /// A plane fitted to the truth: the lower anchor.
     Plane,
 }
 
-/// What a method is called and what it does.
+impl From<Method> for &'static str {
+    fn from(method: Method) -> Self {
+        method.as_str()
+    }
+}
+
+impl TryFrom<String> for Method {
+    type Error = Error;
+
+    fn try_from(name: String) -> Result<Self, Error> {
+        Self::from_name(&name)
+    }
+}
+
+/// What a method does.
 struct Words {
-    name: &'static str,
     promise: Promise,
     settings: &'static str,
 }
@@ -48,57 +51,57 @@ pub struct Answer {
     /// On the full frames.
     pub prediction: Prediction,
     /// The relative pose by the reference protocol, for methods that estimate one.
-    pub reference_pose: Option<Result<Rigid3<CamB, CamA>, CannotSay>>,
+    pub reference_pose: Option<Pose>,
 }
 
 impl Method {
     /// All of them, in the order of the tables.
-    pub const ALL: [Self; 7] =
-        [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Mast3rStereo, Self::Truth, Self::Plane];
+    pub fn all() -> impl Iterator<Item = Self> {
+        let of_pictures = pipeline::Method::ALL.into_iter().map(Self::Pictures);
+        of_pictures.chain([Self::Truth, Self::Plane])
+    }
 
     fn words(self) -> Words {
-        match self {
-            Self::Orb => Words {
-                name: "orb",
-                promise: Promise::Pose,
-                settings: "ORB as OpenCV has it (5000 features, 8 levels of scale 1.2, FAST 20), Hamming neighbours with cross-check, five-point RANSAC (1 px, confidence 0.9999), nothing refined; the paper states no settings",
-            },
-            Self::Sift => Words {
-                name: "sift",
-                promise: Promise::Pose,
-                settings: "root-SIFT, mutual neighbours with ratio test, LO-RANSAC (1 px), windows aligned to subpixels, Sampson refinement over all inliers",
-            },
-            Self::Stereo => Words {
-                name: "stereo",
-                promise: Promise::Points,
-                settings: "the pose of `sift`, then inverse depth of every pixel of both views under a thin plate, completed where nothing matches; its unit is the baseline",
-            },
-            Self::Mast3r => Words {
-                name: "mast3r",
-                promise: Promise::Points,
-                settings: "a network of the MASt3R family: points, and the pose of its matches",
-            },
-            Self::Mast3rStereo => Words {
-                name: "mast3r-stereo",
-                promise: Promise::Points,
-                settings: "the matches of the same network in place of SIFT's, then as `stereo`: robust pose, windows aligned to subpixels, depth of every pixel; its unit is the baseline",
-            },
-            Self::Truth => Words {
-                name: "truth",
-                promise: Promise::MetricPoints,
-                settings: "the stored truth as the answer: perfect where the definition allows it, the floor where it does not",
-            },
-            Self::Plane => Words {
-                name: "plane",
-                promise: Promise::MetricPoints,
-                settings: "the true pose, and a plane fitted to the true points of both views in place of the terrain: the lower anchor",
-            },
-        }
+        use pipeline::Method::{Mast3r, Mast3rStereo, Orb, Sift, Stereo};
+        let (promise, settings) = match self {
+            Self::Pictures(Orb) => (
+                Promise::Pose,
+                "ORB as OpenCV has it (5000 features, 8 levels of scale 1.2, FAST 20), Hamming neighbours with cross-check, five-point RANSAC (1 px, confidence 0.9999), nothing refined; the paper states no settings",
+            ),
+            Self::Pictures(Sift) => (
+                Promise::Pose,
+                "root-SIFT, mutual neighbours with ratio test, LO-RANSAC (1 px), windows aligned to subpixels, Sampson refinement over all inliers",
+            ),
+            Self::Pictures(Stereo) => (
+                Promise::Points,
+                "the pose of `sift`, then inverse depth of every pixel of both views under a thin plate, completed where nothing matches; its unit is the baseline",
+            ),
+            Self::Pictures(Mast3r) => {
+                (Promise::Points, "a network of the MASt3R family: points, and the pose of its matches")
+            }
+            Self::Pictures(Mast3rStereo) => (
+                Promise::Points,
+                "the matches of the same network in place of SIFT's, then as `stereo`: robust pose, windows aligned to subpixels, depth of every pixel; its unit is the baseline",
+            ),
+            Self::Truth => (
+                Promise::MetricPoints,
+                "the stored truth as the answer: perfect where the definition allows it, the floor where it does not",
+            ),
+            Self::Plane => (
+                Promise::MetricPoints,
+                "the true pose, and a plane fitted to the true points of both views in place of the terrain: the lower anchor",
+            ),
+        };
+        Words { promise, settings }
     }
 
     /// The name on the command line and in files.
     pub fn as_str(self) -> &'static str {
-        self.words().name
+        match self {
+            Self::Pictures(method) => method.as_str(),
+            Self::Truth => "truth",
+            Self::Plane => "plane",
+        }
     }
 
     /// What it does, with which settings, in one line; of a network its record tells more.
@@ -113,7 +116,7 @@ impl Method {
 
     /// Whether it looks at the pictures; if not, its answer is the same under every light.
     pub fn looks_at_pictures(self) -> bool {
-        !matches!(self, Self::Truth | Self::Plane)
+        matches!(self, Self::Pictures(_))
     }
 
     /// From its name.
@@ -122,12 +125,13 @@ impl Method {
     /// [`Error::UnknownMethod`], with the nearest name.
     pub fn from_name(name: &str) -> Result<Self, Error> {
         let typed = name.trim().to_ascii_lowercase();
-        if let Some(method) = Self::ALL.into_iter().find(|method| method.as_str() == typed) {
+        if let Some(method) = Self::all().find(|method| method.as_str() == typed) {
             return Ok(method);
         }
-        let known = Self::ALL.map(Self::as_str);
+        let known: Vec<&str> = Self::all().map(Self::as_str).collect();
         let nearest = known
-            .into_iter()
+            .iter()
+            .copied()
             .map(|other| (edit_distance(&typed, other), other))
             .min()
             .filter(|(distance, other)| *distance <= 2 && *distance < other.len());
@@ -143,24 +147,8 @@ impl Method {
     /// # Errors
     /// [`Error::NoNetwork`] for a method that needs one where none is given; those of running it.
     pub fn answer(self, item: &Item<'_>) -> Result<Answer, Error> {
-        let views = item.views;
         Ok(match self {
-            Self::Orb => Answer {
-                prediction: pictures::orb(views),
-                reference_pose: Some(pictures::orb_reference(views)),
-            },
-            Self::Sift => Answer {
-                prediction: pictures::sift(views),
-                reference_pose: Some(pictures::sift_reference(views)),
-            },
-            Self::Stereo => Answer {
-                prediction: pictures::stereo(views),
-                reference_pose: Some(pictures::sift_reference(views)),
-            },
-            Self::Mast3r | Self::Mast3rStereo => {
-                let points = if self == Self::Mast3r { PointsOf::Network } else { PointsOf::Stereo };
-                item.network.ok_or(Error::NoNetwork)?.answer(views, item.lights, points)?
-            }
+            Self::Pictures(method) => pictures::answer(method, self.promise(), item)?,
             Self::Truth => Answer { prediction: truth::prediction(item.truth), reference_pose: None },
             Self::Plane => Answer { prediction: plane::prediction(item.truth), reference_pose: None },
         })
@@ -168,7 +156,7 @@ impl Method {
 
     /// Whether it needs a network.
     pub fn needs_network(self) -> bool {
-        matches!(self, Self::Mast3r | Self::Mast3rStereo)
+        matches!(self, Self::Pictures(method) if method.needs_network())
     }
 }
 
@@ -182,7 +170,7 @@ pub struct Item<'a> {
     /// The truth, for the anchors.
     pub truth: &'a TruthPair,
     /// The network at work on this pair.
-    pub network: Option<&'a learned::Session<'a>>,
+    pub network: Option<&'a network::Session<'a>>,
 }
 
 /// Insertions, deletions and replacements that turn one word into another (Levenshtein).
@@ -207,7 +195,7 @@ mod tests {
 
     #[test]
     fn names_are_read_and_near_misses_told() {
-        for method in Method::ALL {
+        for method in Method::all() {
             assert_eq!(Method::from_name(method.as_str()).unwrap(), method);
         }
         let hint = |name: &str| Method::from_name(name).unwrap_err().hint().unwrap();

@@ -10,7 +10,7 @@ pub use record::{Existing, Outcome, Settings};
 use crate::Error;
 use crate::dataset_source::Source;
 use crate::method::Method;
-use crate::method::learned::Network;
+use crate::method::network::Network;
 use lines::{Appender, read_mended};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -3,8 +3,9 @@
 use crate::Error;
 use crate::dataset_source::{LightChoice, Source};
 use crate::method::Method;
-use crate::method::learned::NetworkRecord;
+use crate::method::network::NetworkRecord;
 use crate::pair_metrics;
+use selenograph_reconstruct::pipeline::Method as Pictures;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,7 @@ impl Settings {
     /// What a method does, with which settings, in one line.
     pub fn line_of(&self, method: Method) -> String {
         match &self.network {
-            Some(network) if method == Method::Mast3r => network.settings(),
+            Some(network) if method == Method::Pictures(Pictures::Mast3r) => network.settings(),
             Some(network) if method.needs_network() => {
                 format!("{}; {}", network.identity(), method.settings())
             }

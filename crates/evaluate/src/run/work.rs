@@ -4,7 +4,7 @@ use super::{Done, Line, PairResult, RunOptions, Settings};
 use crate::Error;
 use crate::dataset_source::load::ItemRecord;
 use crate::dataset_source::{Entry, LoadedPair, Source};
-use crate::method::learned::Session;
+use crate::method::network::Session;
 use crate::method::{Answer, Item, Method};
 use crate::pair_metrics::{PairMetrics, Promise, Reference};
 use selenograph_reconstruct::{Prediction, View};

@@ -1,6 +1,7 @@
 use super::*;
 use crate::method::Method;
 use crate::run::lines::tests::line;
+use selenograph_reconstruct::pipeline::Method as Pictures;
 
 /// Two methods on three geometries under two lights; the first fails once.
 fn methods() -> Vec<MethodLines> {
@@ -22,8 +23,16 @@ fn methods() -> Vec<MethodLines> {
         lines
     };
     vec![
-        MethodLines { method: Method::Orb, settings: String::new(), lines: lines("orb", 1.5) },
-        MethodLines { method: Method::Sift, settings: String::new(), lines: lines("sift", 0.5) },
+        MethodLines {
+            method: Method::Pictures(Pictures::Orb),
+            settings: String::new(),
+            lines: lines("orb", 1.5),
+        },
+        MethodLines {
+            method: Method::Pictures(Pictures::Sift),
+            settings: String::new(),
+            lines: lines("sift", 0.5),
+        },
     ]
 }
 

@@ -7,6 +7,7 @@ use selenograph_network::Preset;
 use selenograph_network::config::ConfidenceMode;
 use selenograph_pose::relative::CannotSay;
 use selenograph_reconstruct::Fill;
+use selenograph_reconstruct::NoPose;
 use selenograph_reconstruct::learned::{LearnedOptions, PointsFrom, solve};
 
 const UNIT: f64 = 3.7;
@@ -216,7 +217,10 @@ fn blank_pictures_and_networks_without_descriptors() {
     let views = [0, 1].map(|k| Seen { camera: &scene.cameras[k], plan: &scene.plans[k] });
     let said = nothing(views, FocalKnowledge::Known, 16);
     let solved = solve(said.cameras.each_ref(), &said.learned, None, &LearnedOptions::default()).unwrap();
-    assert!(matches!(solved.prediction.cam_b_from_cam_a, Err(CannotSay::TooFewMatches { found: 0, .. })));
+    assert!(matches!(
+        solved.prediction.cam_b_from_cam_a,
+        Err(NoPose::CannotSay(CannotSay::TooFewMatches { found: 0, .. }))
+    ));
     assert!(solved.prediction.views.is_none());
     for head in scene.forward.iter_mut().chain(&mut scene.backward) {
         (head.descriptor_dim, head.descriptors, head.descriptor_confidence) = (0, Vec::new(), Vec::new());

@@ -1,6 +1,7 @@
 use super::*;
 use crate::prediction::PredictedView;
-use crate::scale::{Placement, ScaleKind, ScaleSource, World, place};
+use crate::priors::{KnownPose, Priors};
+use crate::scale::{Placement, ScaleSource, World};
 use selenograph_geometry::{
     Body, CamB, Camera, Geodetic, Point2, Point3, PredA, Rigid3, Sim3, Vector3, lookat, pixel,
 };
@@ -50,14 +51,17 @@ fn plane(n: Vector3<f64>, d: f64) -> impl Fn(&Point3<f64>, &Vector3<f64>) -> Opt
     move |origin, direction| Some((d - n.dot(&origin.coords)) / n.dot(direction))
 }
 
-fn metric() -> ScaleSource {
-    ScaleSource::Pose
+/// A prediction whose unit is the metre already.
+fn place_metric(prediction: &Prediction, world: World) -> Result<Placement, Error> {
+    let pose = *prediction.cam_b_from_cam_a.as_ref().unwrap();
+    let pose = Some(KnownPose { cam_b_from_cam_a: pose, metric: true });
+    Priors { cam_b_from_cam_a: pose, world, ..Priors::default() }.place(prediction)
 }
 
 #[test]
 fn a_tilted_plane_is_flat_in_its_own_frame() {
     let prediction = pair(plane(Vector3::new(0.2, -0.3, -0.93).normalize(), -400.0));
-    let placement = place(&prediction, metric(), World::Unknown).unwrap();
+    let placement = place_metric(&prediction, World::Unknown).unwrap();
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
     assert!(dem.frame.is_metric() && dem.frame.crs().is_none());
     assert!(dem.coverage() > 0.7, "{}", dem.coverage());
@@ -82,7 +86,7 @@ fn heights_follow_the_vertical_where_it_is_known() {
         Some((0.25 * o.x - o.z) / (d.z - 0.25 * d.x))
     });
     let world = World::Level(down.relabel());
-    let placement = place(&prediction, metric(), world).unwrap();
+    let placement = place_metric(&prediction, world).unwrap();
     let options = GridOptions { cell: Some(4.0), ..GridOptions::default() };
     let (dem, _) = grid(&prediction, &placement, &options).unwrap();
     let mut tried = 0;
@@ -122,7 +126,7 @@ fn a_sphere_is_level_on_its_map() {
             (root > 0.0).then(|| -b - root.sqrt())
         });
         let world = World::Body { body: body.clone(), body_from_cam_a: body_from_cam.relabel() };
-        let placement = place(&prediction, metric(), world).unwrap();
+        let placement = place_metric(&prediction, world).unwrap();
         let (dem, lifted) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
         let crs = dem.frame.crs().unwrap();
         assert_eq!(crs.projection.name().starts_with("polar"), polar);
@@ -146,7 +150,7 @@ fn an_occluding_edge_is_not_bridged() {
         let x = |t: f64| origin.x + t * direction.x;
         Some(if x(mesa) < 40.0 { mesa } else { at(400.0) })
     });
-    let placement = place(&prediction, metric(), World::Unknown).unwrap();
+    let placement = place_metric(&prediction, World::Unknown).unwrap();
     let world = World::Level(
         lookat::from_forward_and_right::<selenograph_geometry::Enu>(
             Point3::origin(),
@@ -189,7 +193,7 @@ fn views_are_fused_by_inverse_variance() {
         .unwrap()
         .relabel(),
     );
-    let placement = place(&prediction, metric(), world).unwrap();
+    let placement = place_metric(&prediction, world).unwrap();
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
     // The rays of both views meet a cell at other angles: sigma of a height is that of the ray times its cosine.
     let middle = (dem.heights.width / 2, dem.heights.height / 2);
@@ -210,7 +214,7 @@ fn completed_points_fill_only_what_nothing_measured_covers() {
             }
         }
     }
-    let placement = place(&prediction, metric(), World::Unknown).unwrap();
+    let placement = place_metric(&prediction, World::Unknown).unwrap();
     let left = grid(&prediction, &placement, &GridOptions::default()).unwrap().0;
     assert!(!left.fill.data.contains(&Fill::Completed));
     let options = GridOptions { completed: Completed::Include, ..GridOptions::default() };
@@ -223,7 +227,7 @@ fn completed_points_fill_only_what_nothing_measured_covers() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let prediction = pair(|o, d| Some((400.0 - o.z) / d.z * (1.0 + 0.01 * (20.0 * d.x).sin())));
-    let placement = place(&prediction, metric(), World::Unknown).unwrap();
+    let placement = place_metric(&prediction, World::Unknown).unwrap();
     let bits = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let dem = pool.install(|| grid(&prediction, &placement, &GridOptions::default()).unwrap().0);
@@ -235,8 +239,8 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn without_a_scale_lengths_are_baselines() {
     let prediction = pair(plane(Vector3::z(), 400.0));
-    let placement = place(&prediction, ScaleSource::None, World::Unknown).unwrap();
-    assert!(!placement.metric && placement.source == ScaleKind::None);
+    let placement = Priors::default().place(&prediction).unwrap();
+    assert!(!placement.metric && placement.source.is_none());
     let baseline = crate::scale::baseline(&prediction).unwrap();
     assert!((placement.cam_a_from_pred.scale() * baseline - 1.0).abs() < 1e-12);
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
@@ -255,7 +259,7 @@ fn empty_predictions_and_absurd_cells_are_errors() {
         cam_a_from_pred: identity,
         metric: true,
         scale_sigma: None,
-        source: ScaleKind::Pose,
+        source: Some(ScaleSource::Pose),
         world: World::Unknown,
     };
     assert!(matches!(
@@ -295,7 +299,7 @@ fn hills_come_back_to_a_small_part_of_a_cell() {
         }
         Some(t)
     });
-    let placement = place(&prediction, metric(), World::Level(level_from_a.relabel())).unwrap();
+    let placement = place_metric(&prediction, World::Level(level_from_a.relabel())).unwrap();
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
     let (mut squares, mut count) = (0.0, 0.0);
     for y in 0..dem.heights.height {

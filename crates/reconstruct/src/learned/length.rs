@@ -1,8 +1,8 @@
 //! The length of a translation in a pointmap's unit.
 
 use super::Pointmap;
-use crate::pipeline::Warning;
-use crate::relative_pose::PairMatch;
+use crate::evidence::Warning;
+use crate::relative_pose::JudgedMatch;
 use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, pixel};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::triangulate;
@@ -36,7 +36,7 @@ pub(super) fn measure(
     maps: &[Pointmap; 2],
     cam_b_from_cam_a: &Rigid3<CamB, CamA>,
     cameras: [&Camera; 2],
-    matches: &[PairMatch],
+    matches: &[JudgedMatch],
 ) -> Option<Measured> {
     let motion =
         Motion { rotation: cam_b_from_cam_a.rotation(), translation: cam_b_from_cam_a.origin().coords };

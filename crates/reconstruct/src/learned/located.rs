@@ -1,9 +1,8 @@
 //! The pose from which a pointmap looks as the other picture has it.
 
 use super::{Pointmap, Problem};
-use crate::pipeline::PoseSource;
-use crate::relative_pose::mean_focal_px;
-use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, pixel};
+use crate::evidence::PoseSource;
+use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, mean_focal_px, pixel};
 use selenograph_pose::absolute::{self, AbsoluteOptions, CannotLocate, Sighting};
 use selenograph_pose::relative::CannotSay;
 use selenograph_raster::statistics;

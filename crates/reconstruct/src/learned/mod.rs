@@ -7,14 +7,14 @@ mod located;
 mod surface;
 
 use crate::Error;
-use crate::judge::Judge;
-use crate::matching::{Grain, Match};
-use crate::pipeline::{PoseSource, Warning};
-use crate::prediction::Prediction;
+use crate::evidence::{FocalSource, PoseSource, Warning};
+use crate::judge::{GIVEN_TOLERANCE_PX, Judge};
+use crate::matching::{self, Grain, Match};
+use crate::prediction::{NoPose, Prediction};
 use crate::priors::KnownPose;
-use crate::relative_pose::{PairMatch, WHOLE_PIXEL_NOISE_PX, mean_focal_px};
+use crate::relative_pose::{JudgedMatch, WHOLE_PIXEL_NOISE_PX};
 use crate::triangulate::matched;
-use selenograph_geometry::{CamA, CamB, Camera, Point2, Point3, Rigid3};
+use selenograph_geometry::{CamA, CamB, Camera, Point3, Rigid3, mean_focal_px};
 use selenograph_pose::relative::{CannotSay, RelativeOptions, RelativePose};
 use selenograph_raster::Raster;
 use serde::{Deserialize, Serialize};
@@ -41,27 +41,40 @@ pub struct Learned {
     pub grain: Grain,
 }
 
+/// What a network says of two pictures, and the cameras that it says it for.
+#[derive(Debug, Clone)]
+pub struct LearnedInput {
+    /// Points and matches, on the grids of the views.
+    pub learned: Learned,
+    /// The cameras of the full pictures.
+    pub cameras: [Camera; 2],
+    /// Where their focal lengths come from.
+    pub focal: FocalSource,
+}
+
 /// Where the relative pose comes from, unless it is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum PoseFrom {
-    /// From the matches: essential matrix, refined; where they do not tell, from the points if those are sure.
+    /// From the matches; from the points where they do not tell and the points are sure
     #[default]
     Matches,
-    /// From the points of B: the pose from which they look as picture B has them.
+    /// From the points of B: the pose from which they look as picture B has them
     Points,
-    /// From nothing: the points stand without a pose.
+    /// There is none: the points stand alone, unchecked
     Nothing,
 }
 
 /// Which points are given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum PointsFrom {
-    /// The network's own.
+    /// The network's own
     #[default]
     Network,
-    /// Those in which the rays of dense matches meet.
+    /// Where the rays of dense matches meet, with their sigma
     Triangulated,
 }
 
@@ -102,10 +115,10 @@ impl Default for LearnedOptions {
 pub struct Solved {
     /// Pose and points in one unit: the network's, that of a given pose, or the baseline. Points may stand without a pose.
     pub prediction: Prediction,
-    /// Where the pose comes from; `None` where there is none.
-    pub source: Option<PoseSource>,
+    /// Where the pose comes from.
+    pub source: PoseSource,
     /// The matches with what the pose leaves of them.
-    pub matches: Vec<PairMatch>,
+    pub matches: Vec<JudgedMatch>,
     /// What must be said.
     pub warnings: Vec<Warning>,
 }
@@ -127,18 +140,6 @@ pub fn solve(
         Some(known) => problem.with_given(known),
         None => problem.with_estimated(),
     }
-}
-
-fn on_plane(cameras: [&Camera; 2], matches: &[Match]) -> Vec<selenograph_pose::relative::Match> {
-    let outside = Point2::new(f64::NAN, f64::NAN);
-    let place =
-        |k: usize, at: &Point2<f64>| cameras[k].ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
-    let one = |m: &Match| selenograph_pose::relative::Match {
-        a: place(0, &m.a),
-        b: place(1, &m.b),
-        score: m.score,
-    };
-    matches.iter().map(one).collect()
 }
 
 fn check(cameras: [&Camera; 2], learned: &Learned) -> Result<(), Error> {
@@ -170,14 +171,14 @@ impl Problem<'_> {
         self.options.threshold_px * self.learned.grain.match_px
     }
 
-    fn judged(&self, matches: &[Match], pose: &Rigid3<CamB, CamA>, tolerance_px: f64) -> Vec<PairMatch> {
+    fn judged(&self, matches: &[Match], pose: &Rigid3<CamB, CamA>, tolerance_px: f64) -> Vec<JudgedMatch> {
         let judge = Judge::new(pose, self.cameras, tolerance_px);
         matches.iter().map(|m| judge.judged(m.a, m.b, None)).collect()
     }
 
     fn with_given(&self, known: &KnownPose) -> Result<Solved, Error> {
         let pose = known.cam_b_from_cam_a;
-        let tolerance_px = crate::pipeline::GIVEN_TOLERANCE_PX * self.learned.grain.match_px;
+        let tolerance_px = GIVEN_TOLERANCE_PX * self.learned.grain.match_px;
         let matches = self.judged(&self.learned.matches, &pose, tolerance_px);
         let source = PoseSource::given(&matches);
         let mut warnings: Vec<Warning> = source.warning().into_iter().collect();
@@ -206,7 +207,7 @@ impl Problem<'_> {
             },
         };
         let prediction = Prediction { cam_b_from_cam_a: Ok(pose), views };
-        Ok(Solved { prediction, source: Some(source), matches, warnings })
+        Ok(Solved { prediction, source, matches, warnings })
     }
 
     fn with_estimated(&self) -> Result<Solved, Error> {
@@ -218,9 +219,9 @@ impl Problem<'_> {
                 let views =
                     self.learned.pointmaps.as_ref().filter(|_| self.options.points == PointsFrom::Network);
                 let views = views.map(|maps| surface::views(maps, 1.0, None, self.cameras));
-                let matches = self.learned.matches.iter().map(|m| PairMatch::unjudged(m.a, m.b)).collect();
+                let matches = self.learned.matches.iter().map(|m| JudgedMatch::unjudged(m.a, m.b)).collect();
                 let prediction = Prediction { cam_b_from_cam_a: Err(why), views };
-                return Ok(Solved { prediction, source: None, matches, warnings });
+                return Ok(Solved { prediction, source: PoseSource::Nothing, matches, warnings });
             }
         };
         warnings.extend(source.warning());
@@ -238,7 +239,7 @@ impl Problem<'_> {
             }
         };
         let prediction = Prediction { cam_b_from_cam_a: Ok(pose), views };
-        Ok(Solved { prediction, source: Some(source), matches, warnings })
+        Ok(Solved { prediction, source, matches, warnings })
     }
 
     /// The pose with its translation in the points' unit.
@@ -246,7 +247,7 @@ impl Problem<'_> {
         &self,
         maps: &[Pointmap; 2],
         pose: &Rigid3<CamB, CamA>,
-        matches: &[PairMatch],
+        matches: &[JudgedMatch],
         warnings: &mut Vec<Warning>,
     ) -> Rigid3<CamB, CamA> {
         // Every inlier lies in front of both cameras, so that there are ratios.
@@ -260,7 +261,7 @@ impl Problem<'_> {
         &self,
         maps: &[Pointmap; 2],
         pose: &Rigid3<CamB, CamA>,
-        matches: &[PairMatch],
+        matches: &[JudgedMatch],
     ) -> Option<length::Measured> {
         length::measure(maps, pose, self.cameras, matches)
     }
@@ -275,13 +276,16 @@ impl Problem<'_> {
             seed: self.options.seed,
             ..RelativeOptions::default()
         };
-        selenograph_pose::relative::estimate(&on_plane(self.cameras, &self.learned.matches), &options)
+        selenograph_pose::relative::estimate(
+            &matching::on_plane(self.cameras, &self.learned.matches),
+            &options,
+        )
     }
 
-    fn estimated(&self, warnings: &mut Vec<Warning>) -> Result<(Rigid3<CamB, CamA>, PoseSource), CannotSay> {
+    fn estimated(&self, warnings: &mut Vec<Warning>) -> Result<(Rigid3<CamB, CamA>, PoseSource), NoPose> {
         let maps = self.learned.pointmaps.as_ref();
         match self.options.pose {
-            PoseFrom::Nothing => Err(CannotSay::TooFewMatches { found: 0, needed: 0 }),
+            PoseFrom::Nothing => Err(NoPose::NotAsked),
             PoseFrom::Points => {
                 let located = maps.map_or(Err(located::NONE), |maps| located::locate(maps, self))?;
                 Ok((located.cam_b_from_cam_a, located.source()))
@@ -290,9 +294,9 @@ impl Problem<'_> {
                 match (self.pose_of_matches(), maps) {
                     (Ok(found), _) => Ok((found.cam_b_from_cam_a, PoseSource::Estimated(Box::new(found)))),
                     // Without parallax the points have no better answer: they only look as if they had.
-                    (Err(why @ CannotSay::NoParallax { .. }), _) | (Err(why), None) => Err(why),
+                    (Err(why @ CannotSay::NoParallax { .. }), _) | (Err(why), None) => Err(why.into()),
                     (Err(why), Some(maps)) => {
-                        let Ok(located) = located::locate(maps, self) else { return Err(why) };
+                        let Ok(located) = located::locate(maps, self) else { return Err(why.into()) };
                         warnings.push(Warning::PoseFromPoints { why: why.to_string() });
                         Ok((located.cam_b_from_cam_a, located.source()))
                     }

@@ -1,7 +1,7 @@
 //! Pointmaps as predicted views, and how sure dense matches are.
 
 use super::Pointmap;
-use crate::relative_pose::PairMatch;
+use crate::relative_pose::JudgedMatch;
 use crate::{Fill, PredictedView};
 use selenograph_geometry::{CamA, CamB, Camera, Point3, Rigid3};
 use selenograph_raster::Raster;
@@ -47,7 +47,7 @@ fn is_seen(camera: &Camera, x_in_cam: &Point3<f64>) -> bool {
 
 /// Standard deviation of a match along its epipolar line, pixels: as large as across it, where the pose says what is off, and
 /// not below what whole pixels can tell.
-pub(super) fn sigma_px(matches: &[PairMatch], match_px: f64) -> f64 {
+pub(super) fn sigma_px(matches: &[JudgedMatch], match_px: f64) -> f64 {
     let (sum, count) = matches
         .iter()
         .filter(|m| m.inlier)

@@ -5,7 +5,8 @@ mod hamming;
 mod tile;
 
 use crate::features::{Features, orb, sift};
-use selenograph_geometry::Point2;
+use selenograph_geometry::{Camera, Point2};
+use selenograph_pose::relative;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -19,6 +20,14 @@ pub struct Match {
     /// Higher is better, and only the order is used: of features how far the nearest neighbour stands out from the second, 1 −
     /// the ratio of their distances.
     pub score: f64,
+}
+
+/// Matches on the plane `z = 1` of each camera; NaN outside a camera's lens model.
+pub fn on_plane(cameras: [&Camera; 2], matches: &[Match]) -> Vec<relative::Match> {
+    let outside = Point2::new(f64::NAN, f64::NAN);
+    let place =
+        |k: usize, at: &Point2<f64>| cameras[k].ray_z1(at).map_or(outside, |ray| Point2::new(ray.x, ray.y));
+    matches.iter().map(|m| relative::Match { a: place(0, &m.a), b: place(1, &m.b), score: m.score }).collect()
 }
 
 /// How fine a matcher of pixels sees.

@@ -9,12 +9,52 @@
 //! The condition on the singular values: Mendonça & Cipolla 1999, "A simple technique for self-calibration", CVPR; the curvature as
 //! variance is that of any least-squares fit.
 
+use super::matcher::Matcher;
+use crate::evidence::FocalSource;
+use crate::relative_pose::{JudgedMatch, SiftOptions};
+use crate::{Error, View};
 use nalgebra::Point2;
+use selenograph_geometry::Camera;
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::points::Pairs;
 use selenograph_pose::refine::{self, Loss};
 use selenograph_pose::relative::{self, Match, RelativeOptions};
 use selenograph_pose::sampson;
+
+/// Cameras whose focal length the matches tell, or the guessed ones.
+pub(super) fn cameras(
+    [a, b]: [&View; 2],
+    matcher: Matcher<'_>,
+    options: &SiftOptions,
+) -> Result<([Camera; 2], FocalSource), Error> {
+    // With a wrong focal length good matches miss their epipolar lines by pixels.
+    let loose = SiftOptions {
+        threshold_px: 3.0 * options.threshold_px,
+        refined_threshold_px: 3.0 * options.threshold_px,
+        ..options.clone()
+    };
+    let found = matcher.pose(a, b, &loose)?;
+    let centred = |m: &JudgedMatch| {
+        let [p, q] =
+            [(&m.a, &a.camera), (&m.b, &b.camera)].map(|(p, camera)| [p.x - camera.cx, p.y - camera.cy]);
+        [p[0], p[1], q[0], q[1]]
+    };
+    let matches: Vec<Centred> = found.matches.iter().map(centred).collect();
+    let width_px = a.camera.width.max(b.camera.width) as f64;
+    let cameras = [a.camera.clone(), b.camera.clone()];
+    Ok(match estimate(&matches, width_px, options.seed) {
+        Some(estimate) => {
+            let with = |camera: Camera| Camera { fx: estimate.focal_px, fy: estimate.focal_px, ..camera };
+            let source = FocalSource::Estimated { focal_px: estimate.focal_px, sigma_px: estimate.sigma_px };
+            (cameras.map(with), source)
+        }
+        None => {
+            let source =
+                FocalSource::Assumed { focal_px: a.camera.fx, fov_deg: a.camera.fov_x_rad().to_degrees() };
+            (cameras, source)
+        }
+    })
+}
 
 /// A match in pixels from the middle of each picture.
 pub type Centred = [f64; 4];

@@ -1,26 +1,16 @@
 //! A relative pose that was given: matches that agree with it, as seeds of the surface and as a check of the pose.
 
-use super::{Matcher, PoseSource};
+use super::Start;
+use super::matcher::{Found, Matcher};
+use crate::evidence::PoseSource;
 use crate::features::intensity::Intensity;
-use crate::features::sift;
-use crate::judge::Judge;
-use crate::matching::{self, Match};
+use crate::judge::{GIVEN_TOLERANCE_PX, Judge};
+use crate::matching::Match;
 use crate::priors::KnownPose;
-use crate::relative_pose::{Counts, PairMatch, SiftOptions};
+use crate::relative_pose::{Counts, JudgedMatch, SiftOptions};
 use crate::{Error, View, subpixel};
-use selenograph_geometry::{CamA, CamB, Rigid3};
 use selenograph_pose::relative::CannotSay;
 
-/// What the rest of the way begins with.
-pub(super) struct Start {
-    pub(super) cam_b_from_cam_a: Rigid3<CamB, CamA>,
-    pub(super) source: PoseSource,
-    pub(super) matches: Vec<PairMatch>,
-    pub(super) counts: Counts,
-}
-
-/// Poses from navigation are off by pixels: matches are judged by this many pixels, in place of the threshold of an estimate.
-pub(crate) const TOLERANCE_PX: f64 = 3.0;
 /// Fewer matches that agree are as good as chance.
 const MIN_AGREEING: usize = 8;
 
@@ -35,17 +25,8 @@ pub(super) fn start(
     let too_few = |found: usize| CannotSay::TooFewMatches { found, needed: MIN_AGREEING };
     let (seen_a, seen_b) = rayon::join(|| Intensity::new(&a.image), || Intensity::new(&b.image));
     let (Some(seen_a), Some(seen_b)) = (seen_a, seen_b) else { return Err(too_few(0).into()) };
-    let (found, features, tolerance_px) = match matcher {
-        Matcher::Given(found, grain) => (found.to_vec(), [0, 0], TOLERANCE_PX * grain.match_px),
-        Matcher::Sift => {
-            let (a, b) = rayon::join(
-                || sift::detect_in(&seen_a, &options.features),
-                || sift::detect_in(&seen_b, &options.features),
-            );
-            let counts = [a.keypoints.len(), b.keypoints.len()];
-            (matching::sift(&a, &b, &options.matching), counts, TOLERANCE_PX)
-        }
-    };
+    let Found { matches: found, features, match_px } = matcher.matches([a, b], [&seen_a, &seen_b], options);
+    let tolerance_px = GIVEN_TOLERANCE_PX * match_px;
     let judge = Judge::new(&known.cam_b_from_cam_a, [&a.camera, &b.camera], tolerance_px);
     let mut agreeing: Vec<Match> = found.iter().filter(|m| judge.agrees(&m.a, &m.b)).copied().collect();
     let num_agreeing = agreeing.len();
@@ -63,7 +44,7 @@ pub(super) fn start(
         }
     }
     let places = agreeing.iter().zip(sigmas);
-    let matches: Vec<PairMatch> = places.map(|(m, sigma_px)| judge.judged(m.a, m.b, sigma_px)).collect();
+    let matches: Vec<JudgedMatch> = places.map(|(m, sigma_px)| judge.judged(m.a, m.b, sigma_px)).collect();
     let inliers = matches.iter().filter(|m| m.inlier).count();
     let squares: f64 = matches.iter().filter(|m| m.inlier).map(|m| m.residual_px.powi(2)).sum();
     let counts = Counts { features, matches: found.len(), first_inliers: num_agreeing, refined, inliers };

@@ -1,73 +1,132 @@
-//! Two pictures and whatever is known beforehand into a placed prediction: the whole way, for a command or a program.
+//! The one way from pictures to a placed prediction, for commands, programs and the evaluation: what the pictures are, what is
+//! known, which method, what is wanted.
 
-mod answer;
 mod focal;
 mod given;
-mod learned;
-mod rays;
+mod matcher;
 
-pub use answer::{FocalSource, PoseSource, Reconstruction, Warning};
-pub(crate) use given::TOLERANCE_PX as GIVEN_TOLERANCE_PX;
-pub use learned::{LearnedInput, reconstruct_learned};
-
-use crate::learned::Learned;
-use crate::matching::{Grain, Match};
+use crate::evidence::{FocalKnowledge, FocalSource, PoseSource, Warning};
+use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
+use crate::matching::Match;
+use crate::prediction::NoPose;
 use crate::priors::Priors;
-use crate::relative_pose::{self, PairPose, SiftOptions};
-use crate::stereo::{self, Seed, StereoOptions};
+use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, PairPose, SiftOptions};
+use crate::scale::{Placement, ScaleSource};
+use crate::stereo::{self, Completion, StereoOptions};
 use crate::{Error, PredictedView, Prediction, View, triangulate};
-use given::Start;
-use selenograph_geometry::Camera;
+use matcher::Matcher;
+use selenograph_geometry::{CamA, CamB, Camera, Rigid3};
 use selenograph_pose::relative::CannotSay;
 use serde::{Deserialize, Serialize};
 
-/// How points are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// How pose and points are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Features only: the pose, and a point per match.
+    /// The paper's baseline: ORB features, the pose unrefined, and a point per match
+    Orb,
+    /// SIFT features only: the pose, and a point per match
     Sift,
-    /// The pose from features, then a point per pixel.
+    /// The pose from SIFT features, then a point per pixel
     #[default]
     Stereo,
+    /// A network of the MASt3R family: matches and a point per pixel
+    Mast3r,
+    /// The matches of such a network in place of features, then a point per pixel as `stereo`
+    Mast3rStereo,
 }
 
-/// What is done where nothing was measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Completion {
-    /// Nothing: the points are absent.
-    #[default]
-    Absent,
-    /// Filled smoothly from the surroundings, and marked.
-    Smooth,
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Mast3rStereo];
+
+    /// The name on the command line and in files.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Orb => "orb",
+            Self::Sift => "sift",
+            Self::Stereo => "stereo",
+            Self::Mast3r => "mast3r",
+            Self::Mast3rStereo => "mast3r-stereo",
+        }
+    }
+
+    /// Whether it needs what a network says of the pictures.
+    pub fn needs_network(self) -> bool {
+        matches!(self, Self::Mast3r | Self::Mast3rStereo)
+    }
 }
 
-/// Whether the cameras' focal lengths are known.
+/// What the answer is to hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum FocalKnowledge {
-    /// The views' cameras are what they say.
+pub enum Wanted {
+    /// The relative pose alone.
+    Pose,
+    /// Pose and points.
     #[default]
-    Known,
-    /// The views' cameras hold a guess: it is replaced where the matches tell better.
-    Guessed,
+    Points,
+}
+
+/// What is done where a part of the answer cannot be given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Incomplete {
+    /// There is no answer: the reason is the error.
+    #[default]
+    Refuse,
+    /// What there is, is given: a pose without points, points without a pose, or neither; the prediction says why. It is what an
+    /// evaluation wants, which counts what is missing.
+    Keep,
 }
 
 /// Settings of the whole way.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// How points are found.
+    /// How pose and points are found.
     pub method: Method,
-    /// What is done where nothing was measured.
-    pub completion: Completion,
-    /// Whether the focal lengths are known.
+    /// What the answer is to hold.
+    pub wanted: Wanted,
+    /// What is done where a part of it cannot be given.
+    pub incomplete: Incomplete,
+    /// Whether the focal lengths of the views' cameras are known.
     pub focal: FocalKnowledge,
-    /// Features, matches and the robust estimate.
+    /// ORB features, matches and the robust estimate.
+    pub orb: OrbOptions,
+    /// SIFT features, matches and the robust estimate; of given matches what comes after the matching.
     pub sift: SiftOptions,
-    /// Dense stereo.
+    /// Dense stereo. Where nothing was measured nothing is given, unless `completion` says otherwise.
     pub stereo: StereoOptions,
+    /// What follows from a network's arrays.
+    pub learned: LearnedOptions,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            wanted: Wanted::default(),
+            incomplete: Incomplete::default(),
+            focal: FocalKnowledge::default(),
+            orb: OrbOptions::default(),
+            sift: SiftOptions::default(),
+            stereo: StereoOptions { completion: Completion::None, ..StereoOptions::default() },
+            learned: LearnedOptions::default(),
+        }
+    }
+}
+
+impl Options {
+    /// With one seed for every random sample.
+    #[must_use]
+    pub fn seeded(mut self, seed: u64) -> Self {
+        self.orb.seed = seed;
+        self.sift.seed = seed;
+        self.learned.seed = seed;
+        self
+    }
 }
 
 /// A step of the work that begins.
@@ -95,22 +154,34 @@ impl Stage {
     }
 }
 
-/// Whose matches the pose rests on.
-#[derive(Clone, Copy)]
-enum Matcher<'a> {
-    /// Those of features.
-    Sift,
-    /// Given ones.
-    Given(&'a [Match], Grain),
+/// What the pictures are.
+#[derive(Debug, Clone, Copy)]
+pub struct Input<'a> {
+    /// Both pictures with their cameras.
+    pub views: [&'a View; 2],
+    /// What a network, or any matcher, says of them: for the methods that need it.
+    pub learned: Option<&'a LearnedInput>,
 }
 
-impl Matcher<'_> {
-    fn pose(self, a: &View, b: &View, options: &SiftOptions) -> Result<PairPose, CannotSay> {
-        match self {
-            Self::Sift => relative_pose::sift(a, b, options),
-            Self::Given(found, grain) => relative_pose::of_matches(a, b, found, grain, options),
-        }
-    }
+/// A placed prediction and what it rests on.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    /// Pose and points in the method's own unit.
+    pub prediction: Prediction,
+    /// Where the pose comes from.
+    pub pose: PoseSource,
+    /// The matches it rests on, or is checked with.
+    pub matches: Vec<JudgedMatch>,
+    /// How many there were after each step.
+    pub counts: Counts,
+    /// Size and place.
+    pub placement: Placement,
+    /// The cameras that were used.
+    pub cameras: [Camera; 2],
+    /// Where their focal lengths come from.
+    pub focal: FocalSource,
+    /// What must be said.
+    pub warnings: Vec<Warning>,
 }
 
 /// Reconstructs what two pictures show.
@@ -118,74 +189,38 @@ impl Matcher<'_> {
 /// `progress` is told of each step that begins.
 ///
 /// # Errors
-/// [`Error::CannotSay`] where the pictures do not tell a relative pose (too little in common, no parallax) and none is given;
-/// [`Error::SizeMismatch`] for a camera of another size than its picture; those of dense stereo and of the scale source.
+/// [`Error::NoNetworkOutput`] for a method that needs it; [`Error::SizeMismatch`] for a camera or a pointmap of another size than its
+/// picture; those of the scale source. Unless incomplete answers are kept: [`Error::CannotSay`] where the pictures do not tell a
+/// relative pose (too little in common, no parallax) and one is asked for, and those of dense stereo.
 pub fn reconstruct(
-    a: &View,
-    b: &View,
+    input: &Input<'_>,
     priors: &Priors,
     options: &Options,
     mut progress: impl FnMut(Stage),
 ) -> Result<Reconstruction, Error> {
-    with_matcher([a, b], Matcher::Sift, priors, options, &mut progress)
-}
-
-/// [`reconstruct`] from the matches of a network or of any matcher on, in place of those of features. Points that it gave
-/// are not looked at.
-///
-/// # Errors
-/// As [`reconstruct`].
-pub fn reconstruct_matched(
-    a: &View,
-    b: &View,
-    learned: &Learned,
-    priors: &Priors,
-    options: &Options,
-    mut progress: impl FnMut(Stage),
-) -> Result<Reconstruction, Error> {
-    let matcher = Matcher::Given(&learned.matches, learned.grain);
-    with_matcher([a, b], matcher, priors, options, &mut progress)
-}
-
-fn with_matcher(
-    [a, b]: [&View; 2],
-    matcher: Matcher<'_>,
-    priors: &Priors,
-    options: &Options,
-    progress: &mut impl FnMut(Stage),
-) -> Result<Reconstruction, Error> {
-    check([a, b])?;
+    check(input.views)?;
     // Before minutes of work: a source that is asked for must be there.
     priors.scale_from()?;
-    let (cameras, focal) = match options.focal {
-        FocalKnowledge::Known => ([a.camera.clone(), b.camera.clone()], FocalSource::Known),
-        FocalKnowledge::Guessed => {
-            progress(Stage::Focal);
-            guessed_cameras(a, b, matcher, options)?
+    let matcher = match (options.method, input.learned) {
+        (Method::Orb, _) => Matcher::Orb(&options.orb),
+        (Method::Sift | Method::Stereo, _) => Matcher::Sift,
+        (Method::Mast3rStereo, Some(said)) => Matcher::Given(&said.learned),
+        (Method::Mast3r, Some(said)) => {
+            progress(Stage::Pose);
+            return from_arrays(said, priors, options)?.placed(priors, progress);
+        }
+        (Method::Mast3r | Method::Mast3rStereo, None) => {
+            return Err(Error::NoNetworkOutput { method: options.method.as_str() });
         }
     };
-    let mut warnings: Vec<Warning> = focal.warning().into_iter().collect();
-    let [a, b] = [(a, &cameras[0]), (b, &cameras[1])]
-        .map(|(view, camera)| View { camera: camera.clone(), ..view.clone() });
-    progress(Stage::Pose);
-    let start = match &priors.cam_b_from_cam_a {
-        Some(known) => given::start(&a, &b, known, matcher, &options.sift)?,
-        None => estimated(matcher.pose(&a, &b, &options.sift)?),
+    let found = match from_pictures(input.views, matcher, priors, options, &mut progress) {
+        Err(Error::CannotSay(why)) if options.incomplete == Incomplete::Keep => {
+            let cameras = input.views.map(|view| view.camera.clone());
+            Unplaced::without_pose(why, cameras)
+        }
+        found => found?,
     };
-    warnings.extend(start.source.warning());
-    let views = match options.method {
-        Method::Sift => triangulate::matched([&a.camera, &b.camera], &start.cam_b_from_cam_a, &start.matches),
-        Method::Stereo => dense(&a, &b, &start, options, progress)?,
-    };
-    let prediction = Prediction { cam_b_from_cam_a: Ok(start.cam_b_from_cam_a), views: Some(views) };
-    progress(Stage::Placement);
-    let placement = priors.place(&prediction)?;
-    warnings.extend(answer::disagreements(priors, &prediction, &placement));
-    if !placement.metric {
-        warnings.push(Warning::NotMetric);
-    }
-    let Start { source, matches, counts, .. } = start;
-    Ok(Reconstruction { prediction, pose: source, matches, counts, placement, cameras, focal, warnings })
+    found.placed(priors, progress)
 }
 
 /// Whether each camera is of its picture's size.
@@ -201,51 +236,154 @@ fn check(views: [&View; 2]) -> Result<(), Error> {
     Ok(())
 }
 
-/// What an estimated pose gives the rest of the way.
-fn estimated(found: PairPose) -> Start {
-    let PairPose { pose, matches, counts, .. } = found;
-    Start {
-        cam_b_from_cam_a: pose.cam_b_from_cam_a,
-        source: PoseSource::Estimated(Box::new(pose)),
-        matches,
-        counts,
+/// An answer without size and place.
+struct Unplaced {
+    prediction: Prediction,
+    pose: PoseSource,
+    matches: Vec<JudgedMatch>,
+    counts: Counts,
+    cameras: [Camera; 2],
+    focal: FocalSource,
+    warnings: Vec<Warning>,
+}
+
+impl Unplaced {
+    fn without_pose(why: CannotSay, cameras: [Camera; 2]) -> Self {
+        Self {
+            prediction: Prediction { cam_b_from_cam_a: Err(why.into()), views: None },
+            pose: PoseSource::Nothing,
+            matches: Vec::new(),
+            counts: Counts::default(),
+            cameras,
+            focal: FocalSource::Known,
+            warnings: Vec::new(),
+        }
+    }
+
+    fn placed(self, priors: &Priors, mut progress: impl FnMut(Stage)) -> Result<Reconstruction, Error> {
+        let Self { prediction, pose, matches, counts, cameras, focal, mut warnings } = self;
+        progress(Stage::Placement);
+        let placement = priors.place(&prediction)?;
+        warnings.extend(disagreements(priors, &prediction, &placement));
+        if !placement.metric {
+            warnings.push(match prediction.cam_b_from_cam_a {
+                Ok(_) => Warning::NotMetric,
+                Err(_) => Warning::NetworkUnit,
+            });
+        }
+        Ok(Reconstruction { prediction, pose, matches, counts, placement, cameras, focal, warnings })
     }
 }
 
-/// Cameras whose focal length the matches tell, or the guessed ones.
-fn guessed_cameras(
-    a: &View,
-    b: &View,
-    matcher: Matcher<'_>,
-    options: &Options,
-) -> Result<([Camera; 2], FocalSource), Error> {
-    // With a wrong focal length good matches miss their epipolar lines by pixels.
-    let loose = SiftOptions {
-        threshold_px: 3.0 * options.sift.threshold_px,
-        refined_threshold_px: 3.0 * options.sift.threshold_px,
-        ..options.sift.clone()
-    };
-    let found = matcher.pose(a, b, &loose)?;
-    let centred = |m: &relative_pose::PairMatch| {
-        let [p, q] =
-            [(&m.a, &a.camera), (&m.b, &b.camera)].map(|(p, camera)| [p.x - camera.cx, p.y - camera.cy]);
-        [p[0], p[1], q[0], q[1]]
-    };
-    let matches: Vec<focal::Centred> = found.matches.iter().map(centred).collect();
-    let width_px = a.camera.width.max(b.camera.width) as f64;
-    let cameras = [a.camera.clone(), b.camera.clone()];
-    Ok(match focal::estimate(&matches, width_px, options.sift.seed) {
-        Some(estimate) => {
-            let with = |camera: Camera| Camera { fx: estimate.focal_px, fy: estimate.focal_px, ..camera };
-            let source = FocalSource::Estimated { focal_px: estimate.focal_px, sigma_px: estimate.sigma_px };
-            (cameras.map(with), source)
+/// Sizes that differ by more than this share are said.
+const DISAGREEMENT: f64 = 0.05;
+
+/// What the priors that did not give the size say about it.
+fn disagreements(priors: &Priors, prediction: &Prediction, placement: &Placement) -> Vec<Warning> {
+    let Some(used) = placement.source else { return Vec::new() };
+    let others = ScaleSource::ALL.into_iter().filter(|other| *other != used);
+    others
+        .filter_map(|other| {
+            let with_other = Priors { scale_from: Some(other), ..priors.clone() };
+            let ratio = with_other.place(prediction).ok()?.cam_a_from_pred.scale()
+                / placement.cam_a_from_pred.scale();
+            let differs = (ratio - 1.0).abs() > DISAGREEMENT;
+            differs.then_some(Warning::ScalesDisagree { used: used.as_str(), other: other.as_str(), ratio })
+        })
+        .collect()
+}
+
+/// Pose and points as a network has them.
+fn from_arrays(said: &LearnedInput, priors: &Priors, options: &Options) -> Result<Unplaced, Error> {
+    let LearnedInput { learned, cameras, focal } = said;
+    let known = priors.cam_b_from_cam_a.as_ref();
+    let Solved { mut prediction, source, matches, warnings: solving } =
+        learned::solve(cameras.each_ref(), learned, known, &options.learned)?;
+    let mut warnings: Vec<Warning> = focal.warning().into_iter().chain(solving).collect();
+    match &prediction.cam_b_from_cam_a {
+        Err(NoPose::CannotSay(why)) if options.incomplete == Incomplete::Refuse => {
+            return Err(why.clone().into());
         }
-        None => {
-            let source =
-                FocalSource::Assumed { focal_px: a.camera.fx, fov_deg: a.camera.fov_x_rad().to_degrees() };
-            (cameras, source)
-        }
+        Err(NoPose::NotAsked) => warnings.push(Warning::NoPose),
+        _ => {}
+    }
+    if options.wanted == Wanted::Pose {
+        prediction.views = None;
+    }
+    let counts = Counts {
+        matches: matches.len(),
+        inliers: matches.iter().filter(|m| m.inlier).count(),
+        ..Counts::default()
+    };
+    Ok(Unplaced {
+        prediction,
+        pose: source,
+        matches,
+        counts,
+        cameras: cameras.clone(),
+        focal: *focal,
+        warnings,
     })
+}
+
+/// A pose and the matches that it rests on, or is checked with.
+struct Start {
+    cam_b_from_cam_a: Rigid3<CamB, CamA>,
+    source: PoseSource,
+    matches: Vec<JudgedMatch>,
+    counts: Counts,
+}
+
+impl From<PairPose> for Start {
+    fn from(PairPose { pose, matches, counts }: PairPose) -> Self {
+        let cam_b_from_cam_a = pose.cam_b_from_cam_a;
+        Self { cam_b_from_cam_a, source: PoseSource::Estimated(Box::new(pose)), matches, counts }
+    }
+}
+
+/// Pose from matches, points from the pictures.
+fn from_pictures(
+    [a, b]: [&View; 2],
+    matcher: Matcher<'_>,
+    priors: &Priors,
+    options: &Options,
+    progress: &mut impl FnMut(Stage),
+) -> Result<Unplaced, Error> {
+    let (cameras, focal) = match options.focal {
+        FocalKnowledge::Known => ([a.camera.clone(), b.camera.clone()], FocalSource::Known),
+        FocalKnowledge::Guessed => {
+            progress(Stage::Focal);
+            focal::cameras([a, b], matcher, &options.sift)?
+        }
+    };
+    let mut warnings: Vec<Warning> = focal.warning().into_iter().collect();
+    let [a, b] = [(a, &cameras[0]), (b, &cameras[1])]
+        .map(|(view, camera)| View { camera: camera.clone(), ..view.clone() });
+    progress(Stage::Pose);
+    let start = match &priors.cam_b_from_cam_a {
+        Some(known) => given::start(&a, &b, known, matcher, &options.sift)?,
+        None => matcher.pose(&a, &b, &options.sift)?.into(),
+    };
+    warnings.extend(start.source.warning());
+    let pose = &start.cam_b_from_cam_a;
+    let views = match (options.wanted, options.method) {
+        (Wanted::Pose, _) => None,
+        (Wanted::Points, Method::Orb | Method::Sift) => {
+            Some(triangulate::matched([&a.camera, &b.camera], pose, &start.matches))
+        }
+        (Wanted::Points, Method::Stereo | Method::Mast3r | Method::Mast3rStereo) => {
+            progress(Stage::Dense);
+            match dense(&a, &b, &start, &options.stereo) {
+                Ok(views) => Some(views),
+                // The pose stands; its pixels have no answer and count as such.
+                Err(_) if options.incomplete == Incomplete::Keep => None,
+                Err(why) => return Err(why.into()),
+            }
+        }
+    };
+    let Start { cam_b_from_cam_a, source, matches, counts } = start;
+    let prediction = Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views };
+    Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, warnings })
 }
 
 /// A point per pixel.
@@ -253,17 +391,9 @@ fn dense(
     a: &View,
     b: &View,
     start: &Start,
-    options: &Options,
-    progress: &mut impl FnMut(Stage),
-) -> Result<[PredictedView; 2], Error> {
-    progress(Stage::Dense);
-    let seeds: Vec<Seed> =
-        start.matches.iter().filter(|m| m.inlier).map(|m| Seed { a: m.a, b: m.b }).collect();
-    let completion = match options.completion {
-        Completion::Absent => stereo::Completion::None,
-        Completion::Smooth => stereo::Completion::Everywhere,
-    };
-    let settings = StereoOptions { completion, ..options.stereo.clone() };
-    let dense = stereo::dense(a, b, &start.cam_b_from_cam_a, &seeds, &settings)?;
-    Ok(rays::predicted(&dense, [&a.camera, &b.camera], &start.cam_b_from_cam_a))
+    options: &StereoOptions,
+) -> Result<[PredictedView; 2], stereo::Error> {
+    let inliers = start.matches.iter().filter(|m| m.inlier);
+    let seeds: Vec<Match> = inliers.map(|m| Match { a: m.a, b: m.b, score: 0.0 }).collect();
+    Ok(stereo::dense(a, b, &start.cam_b_from_cam_a, &seeds, options)?.to_points(a, b))
 }

@@ -1,6 +1,5 @@
 use super::*;
 use crate::prediction::{Fill, PredictedView};
-use crate::scale::ScaleKind;
 use selenograph_geometry::{Point3, Rotation3};
 use selenograph_raster::Raster;
 
@@ -24,9 +23,9 @@ fn the_first_source_is_taken_unless_another_is_asked_for() {
     assert!(!Priors::default().place(&prediction).unwrap().metric);
     let both = Priors { baseline: length(850.0), altitude: length(1000.0), ..Priors::default() };
     assert_eq!(both.place(&prediction).unwrap().cam_a_from_pred.scale(), 850.0);
-    let asked = Priors { scale_from: Some(ScaleFrom::Altitude), ..both.clone() };
+    let asked = Priors { scale_from: Some(ScaleSource::Altitude), ..both.clone() };
     let placement = asked.place(&prediction).unwrap();
-    assert_eq!((placement.source, placement.cam_a_from_pred.scale()), (ScaleKind::Altitude, 500.0));
-    let absent = Priors { scale_from: Some(ScaleFrom::Points), ..both };
+    assert_eq!((placement.source, placement.cam_a_from_pred.scale()), (Some(ScaleSource::Altitude), 500.0));
+    let absent = Priors { scale_from: Some(ScaleSource::Points), ..both };
     assert!(matches!(absent.place(&prediction), Err(Error::Undetermined { .. })));
 }

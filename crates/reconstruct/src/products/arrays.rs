@@ -3,6 +3,7 @@
 use super::ProductInput;
 use crate::Error;
 use crate::prediction::PredictedView;
+use crate::relative_pose::JudgedMatch;
 use selenograph_geometry::PixelConvention;
 use selenograph_raster::codec::npz::{self, Array, Values};
 use std::collections::BTreeMap;
@@ -49,15 +50,20 @@ fn insert_view(arrays: &mut BTreeMap<String, Array>, view: &PredictedView, name:
     insert("fill", &[height, width], Values::U8(fill));
 }
 
+/// Higher is better: the surest windows first.
+fn score(m: &JudgedMatch) -> f64 {
+    m.sigma_px.map_or(0.0, |sigma| -sigma)
+}
+
 /// Matches as pixels measured from the pictures' corners.
 pub(super) fn matches(input: &ProductInput) -> Result<Vec<u8>, Error> {
     let matches = input.matches.unwrap_or_default();
     let n = matches.len();
     let pixels = |f: &dyn Fn(usize) -> [f64; 2]| Values::F64((0..n).flat_map(f).collect());
     let arrays = BTreeMap::from([
-        ("pixels_a".to_owned(), Array::new(&[n, 2], pixels(&|i| matches[i].a))),
-        ("pixels_b".to_owned(), Array::new(&[n, 2], pixels(&|i| matches[i].b))),
-        ("score".to_owned(), Array::new(&[n], Values::F64(matches.iter().map(|m| m.score).collect()))),
+        ("pixels_a".to_owned(), Array::new(&[n, 2], pixels(&|i| matches[i].a.into()))),
+        ("pixels_b".to_owned(), Array::new(&[n, 2], pixels(&|i| matches[i].b.into()))),
+        ("score".to_owned(), Array::new(&[n], Values::F64(matches.iter().map(score).collect()))),
         (
             "inlier".to_owned(),
             Array::new(&[n], Values::U8(matches.iter().map(|m| u8::from(m.inlier)).collect())),

@@ -12,7 +12,8 @@ use crate::grid::lift::Lifted;
 use crate::grid::{self, Completed, Dem, GridOptions};
 use crate::hazard::{self, Hazard, HazardMap, HazardOptions};
 use crate::prediction::{Fill, Prediction};
-use crate::scale::{Placement, ScaleKind};
+use crate::relative_pose::JudgedMatch;
+use crate::scale::{Placement, ScaleSource};
 use crate::{Error, View};
 use rayon::prelude::*;
 use selenograph_geometry::proj_string;
@@ -55,19 +56,6 @@ impl Default for ProductOptions {
     }
 }
 
-/// One match for `matches.npz`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PixelMatch {
-    /// Pixel of view A, measured from the picture's corner.
-    pub a: [f64; 2],
-    /// Pixel of view B.
-    pub b: [f64; 2],
-    /// Its score; higher is better.
-    pub score: f64,
-    /// Whether it agrees with the pose.
-    pub inlier: bool,
-}
-
 /// What the products are made of.
 #[derive(Debug, Clone, Copy)]
 pub struct ProductInput<'a> {
@@ -78,7 +66,7 @@ pub struct ProductInput<'a> {
     /// Scale and place.
     pub placement: &'a Placement,
     /// Matches, where the method has any.
-    pub matches: Option<&'a [PixelMatch]>,
+    pub matches: Option<&'a [JudgedMatch]>,
 }
 
 /// The rasters and the cloud before they are written, for whoever shows them.
@@ -311,7 +299,7 @@ fn summarise(
         format: "selenograph.products".to_owned(),
         version: PRODUCTS_VERSION,
         metric: input.placement.metric,
-        scale_source: source_name(input.placement.source).to_owned(),
+        scale_source: input.placement.source.map_or("none", ScaleSource::as_str).to_owned(),
         scale: input.placement.cam_a_from_pred.scale(),
         scale_sigma: input.placement.scale_sigma,
         crs: dem.frame.crs().map(proj_string::format),
@@ -328,17 +316,6 @@ fn summarise(
         completed: share(Fill::Completed),
         num_points: cloud.points.len(),
         files: Vec::new(),
-    }
-}
-
-fn source_name(source: ScaleKind) -> &'static str {
-    match source {
-        ScaleKind::None => "none",
-        ScaleKind::Baseline => "baseline",
-        ScaleKind::Altitude => "altitude",
-        ScaleKind::Dem => "dem",
-        ScaleKind::Points => "points",
-        ScaleKind::Pose => "pose",
     }
 }
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::prediction::PredictedView;
-use crate::scale::{ScaleSource, World, place};
+use crate::priors::{KnownLength, Priors};
+use crate::scale::World;
 use crate::transform_file;
 use selenograph_geometry::{
     Body, BodyFixed, Camera, Geodetic, Point2, Point3, Rigid3, Vector3, lookat, pixel,
@@ -45,15 +46,21 @@ fn over_the_moon() -> World {
 fn every_file_is_there_and_can_be_read() {
     let (prediction, view) = prediction();
     let dir = tempfile::tempdir().unwrap();
-    let matches = [PixelMatch { a: [1.5, 2.0], b: [3.0, 4.25], score: 0.5, inlier: true }];
-    let source = ScaleSource::Baseline { baseline_m: 200.0, sigma_m: 2.0 };
-    for (name, source, world, metric) in [
-        ("map", source, over_the_moon(), true),
-        ("metric", source, World::Unknown, true),
-        ("relative", ScaleSource::None, World::Unknown, false),
+    let matches = [JudgedMatch {
+        a: Point2::new(1.5, 2.0),
+        b: Point2::new(3.0, 4.25),
+        residual_px: 0.1,
+        sigma_px: Some(0.05),
+        inlier: true,
+    }];
+    let baseline = Some(KnownLength { metres: 200.0, sigma_m: 2.0 });
+    for (name, baseline, world, metric) in [
+        ("map", baseline, over_the_moon(), true),
+        ("metric", baseline, World::Unknown, true),
+        ("relative", None, World::Unknown, false),
     ] {
         let folder = dir.path().join(name);
-        let placement = place(&prediction, source, world).unwrap();
+        let placement = Priors { baseline, world, ..Priors::default() }.place(&prediction).unwrap();
         let input = ProductInput {
             views: [&view, &view],
             prediction: &prediction,
@@ -96,8 +103,8 @@ fn every_file_is_there_and_can_be_read() {
 #[test]
 fn pointmaps_are_in_metres_where_the_scale_is_known() {
     let (prediction, view) = prediction();
-    let source = ScaleSource::Baseline { baseline_m: 200.0, sigma_m: 2.0 };
-    let placement = place(&prediction, source, World::Unknown).unwrap();
+    let baseline = Some(KnownLength { metres: 200.0, sigma_m: 2.0 });
+    let placement = Priors { baseline, ..Priors::default() }.place(&prediction).unwrap();
     let input =
         ProductInput { views: [&view, &view], prediction: &prediction, placement: &placement, matches: None };
     let bytes = arrays::pointmaps(&input).unwrap();
@@ -117,7 +124,7 @@ fn pointmaps_are_in_metres_where_the_scale_is_known() {
 fn a_prediction_without_points_writes_nothing() {
     let (prediction, view) = prediction();
     let empty = Prediction { views: None, ..prediction };
-    let placement = place(&empty, ScaleSource::None, World::Unknown).unwrap();
+    let placement = Priors::default().place(&empty).unwrap();
     let input =
         ProductInput { views: [&view, &view], prediction: &empty, placement: &placement, matches: None };
     let dir = tempfile::tempdir().unwrap();

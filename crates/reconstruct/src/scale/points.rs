@@ -3,7 +3,7 @@
 //! The pointmap of view A is read at each pixel (bilinear), and the similarity of least squares that carries these points to the
 //! known places is taken; three points that are not on a line are enough, from five on blunders are left out.
 
-use super::{Placement, ScaleKind, World};
+use super::{Placement, ScaleSource, World};
 use crate::Error;
 use crate::prediction::{Fill, Prediction};
 use selenograph_geometry::{Body, BodyFixed, CamA, Enu, Frame, Geodetic, Point3, PredA, Rigid3, Sim3, pixel};
@@ -114,7 +114,7 @@ pub fn fit(prediction: &Prediction, known: &KnownPoints) -> Result<PointsFit, Er
         Some(body) => {
             let (found, residuals_m) = similarity_of::<BodyFixed>(prediction, known)?;
             let sigma = scale_sigma(&found, &residuals_m, known);
-            let placement = Placement::from_body(body.clone(), &found.to_from, sigma, ScaleKind::Points)?;
+            let placement = Placement::from_body(body.clone(), &found.to_from, sigma, ScaleSource::Points)?;
             Ok(PointsFit::new(placement, residuals_m, &found))
         }
         None => {
@@ -124,7 +124,7 @@ pub fn fit(prediction: &Prediction, known: &KnownPoints) -> Result<PointsFit, Er
                 cam_a_from_pred: Sim3::new(found.to_from.scale(), Rigid3::identity())?,
                 metric: true,
                 scale_sigma: scale_sigma(&found, &residuals_m, known),
-                source: ScaleKind::Points,
+                source: Some(ScaleSource::Points),
                 world: World::Level(level_from_cam_a),
             };
             Ok(PointsFit::new(placement, residuals_m, &found))
@@ -237,7 +237,7 @@ mod tests {
             points,
         };
         let none = CannotSay::TooFewMatches { found: 0, needed: 5 };
-        Prediction { cam_b_from_cam_a: Err(none), views: Some([view.clone(), view]) }
+        Prediction { cam_b_from_cam_a: Err(none.into()), views: Some([view.clone(), view]) }
     }
 
     fn truth() -> Sim3<BodyFixed, PredA> {

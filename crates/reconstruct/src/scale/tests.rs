@@ -1,5 +1,6 @@
 use super::*;
 use crate::prediction::{Fill, PredictedView};
+use crate::priors::{KnownLength, Priors};
 use selenograph_geometry::{CamB, Camera, Point2, Point3, pixel};
 use selenograph_raster::Raster;
 
@@ -24,16 +25,18 @@ fn prediction(z0: f64, slope: f64) -> Prediction {
 
 #[test]
 fn a_baseline_gives_the_scale_and_its_error() {
-    let source = ScaleSource::Baseline { baseline_m: 500.0, sigma_m: 5.0 };
-    let placement = place(&prediction(10.0, 0.0), source, World::Unknown).unwrap();
+    let with = |metres: f64, sigma_m: f64| Priors {
+        baseline: Some(KnownLength { metres, sigma_m }),
+        ..Priors::default()
+    };
+    let placement = with(500.0, 5.0).place(&prediction(10.0, 0.0)).unwrap();
     assert!((placement.cam_a_from_pred.scale() - 250.0).abs() < 1e-9);
     assert!(placement.metric && (placement.scale_sigma.unwrap() - 0.01).abs() < 1e-12);
     let mut without = prediction(10.0, 0.0);
     without.cam_b_from_cam_a = Ok(Rigid3::identity());
-    assert!(matches!(place(&without, source, World::Unknown), Err(Error::Undetermined { .. })));
+    assert!(matches!(with(500.0, 5.0).place(&without), Err(Error::Undetermined { .. })));
     for baseline_m in [0.0, -1.0, f64::NAN] {
-        let source = ScaleSource::Baseline { baseline_m, sigma_m: 0.0 };
-        assert!(matches!(place(&without, source, World::Unknown), Err(Error::Value { .. })));
+        assert!(matches!(with(baseline_m, 0.0).place(&without), Err(Error::Value { .. })));
     }
 }
 
@@ -42,9 +45,10 @@ const TOLERANCE: f64 = 1e-5;
 
 #[test]
 fn an_altitude_is_that_of_the_ground_straight_below() {
-    let source = ScaleSource::Altitude { altitude_m: 3000.0, sigma_m: 0.0 };
+    let altitude = Some(KnownLength { metres: 3000.0, sigma_m: 0.0 });
+    let at = |world: World| Priors { altitude, world, ..Priors::default() };
     // Nadir, level ground: 10 units are 3000 m.
-    let level = place(&prediction(10.0, 0.0), source, World::Unknown).unwrap();
+    let level = at(World::Unknown).place(&prediction(10.0, 0.0)).unwrap();
     assert!((level.cam_a_from_pred.scale() / 300.0 - 1.0).abs() < TOLERANCE);
     // The camera looks along the vertical at sloping ground: the point on the axis counts, not the nearest one.
     let down = Rigid3::<Enu, CamA>::new(
@@ -53,10 +57,10 @@ fn an_altitude_is_that_of_the_ground_straight_below() {
         )),
         Point3::origin(),
     );
-    let sloping = place(&prediction(10.0, 0.4), source, World::Level(down)).unwrap();
+    let sloping = at(World::Level(down)).place(&prediction(10.0, 0.4)).unwrap();
     assert!((sloping.cam_a_from_pred.scale() / 300.0 - 1.0).abs() < 1e-3);
     // Without attitude the normal of the ground is taken for the vertical: 10 cos(atan 0.4).
-    let fitted = place(&prediction(10.0, 0.4), source, World::Unknown).unwrap();
+    let fitted = at(World::Unknown).place(&prediction(10.0, 0.4)).unwrap();
     let across = 10.0 / 1.16f64.sqrt();
     assert!((fitted.cam_a_from_pred.scale() * across / 3000.0 - 1.0).abs() < 1e-3);
 }
@@ -82,7 +86,7 @@ fn a_similarity_to_the_body_is_a_scale_and_a_pose() {
         Rigid3::from_quaternion(0.5, 0.5, -0.5, 0.5, Point3::new(1e6, 2e5, -1.3e6));
     let body_from_pred = Sim3::new(123.0, rigid).unwrap();
     let placement =
-        Placement::from_body(Body::moon(), &body_from_pred, Some(0.01), ScaleKind::Points).unwrap();
+        Placement::from_body(Body::moon(), &body_from_pred, Some(0.01), ScaleSource::Points).unwrap();
     let x = Point3::new(0.3, -2.0, 11.0);
     let back = placement.body_from_pred().unwrap().point(&x);
     assert!((back - body_from_pred.point(&x)).norm() < 1e-8);

@@ -20,9 +20,10 @@ mod term;
 mod warp;
 
 pub use outcome::{Dense, DenseView};
-pub use seeds::{Seed, seeds_from_depth_z};
+pub use seeds::seeds_from_depth_z;
 
 use crate::View;
+use crate::matching::Match;
 use selenograph_geometry::{CamA, CamB, Rigid3};
 use serde::{Deserialize, Serialize};
 
@@ -163,7 +164,7 @@ pub fn dense(
     a: &View,
     b: &View,
     cam_b_from_cam_a: &Rigid3<CamB, CamA>,
-    seeds: &[Seed],
+    seeds: &[Match],
     options: &StereoOptions,
 ) -> Result<Dense, Error> {
     for view in [a, b] {

@@ -2,7 +2,7 @@
 
 use super::estimate::{self, Estimate, Surface};
 use super::{Completion, StereoOptions, filter, term, warp};
-use crate::{Fill, PredictedView, Prediction, View};
+use crate::{Fill, PredictedView, View};
 use rayon::prelude::*;
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, pixel};
 use selenograph_raster::Raster;
@@ -34,12 +34,10 @@ pub struct Dense {
 impl Dense {
     /// Points of both views in the frame of camera A (`PredA`), in the unit of the motion's translation. `a` and `b` are the
     /// views that the answer was made from.
-    pub fn to_prediction(&self, a: &View, b: &View) -> Prediction {
+    pub fn to_points(&self, a: &View, b: &View) -> [PredictedView; 2] {
         let cam_a_from_cam_b = self.cam_b_from_cam_a.inverse();
         let [of_a, of_b] = &self.views;
-        let views =
-            [predicted(of_a, a, |point| point), predicted(of_b, b, |point| cam_a_from_cam_b.point(&point))];
-        Prediction { cam_b_from_cam_a: Ok(self.cam_b_from_cam_a), views: Some(views) }
+        [predicted(of_a, a, |point| point), predicted(of_b, b, |point| cam_a_from_cam_b.point(&point))]
     }
 }
 

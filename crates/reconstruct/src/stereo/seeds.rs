@@ -3,18 +3,10 @@
 use super::level::ViewLevel;
 use super::solver::Solver;
 use super::warp::Motion;
+use crate::matching::Match;
 use crate::triangulate;
 use selenograph_geometry::{CamA, CamB, Camera, Frame, Point2, Rigid3, Vector3, pixel};
 use selenograph_raster::Raster;
-
-/// A match in pixel coordinates of A and B (first pixel's centre at (0.5, 0.5)).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seed {
-    /// In A.
-    pub a: Point2<f64>,
-    /// In B.
-    pub b: Point2<f64>,
-}
 
 /// A seed as an inverse z-depth along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -29,14 +21,14 @@ pub(crate) struct SeedPoint {
 
 /// Seeds as inverse depths in both views; those that do not meet in front of both cameras are left out.
 pub(crate) fn points(
-    seeds: &[Seed],
+    seeds: &[Match],
     a: &Camera,
     b: &Camera,
     cam_b_from_cam_a: &Rigid3<CamB, CamA>,
 ) -> [Vec<SeedPoint>; 2] {
     let back = cam_b_from_cam_a.inverse();
-    let forth = |s: &Seed| point(&a.ray_z1(&s.a)?, &b.ray_z1(&s.b)?, cam_b_from_cam_a, b.fx);
-    let returned = |s: &Seed| point(&b.ray_z1(&s.b)?, &a.ray_z1(&s.a)?, &back, a.fx);
+    let forth = |s: &Match| point(&a.ray_z1(&s.a)?, &b.ray_z1(&s.b)?, cam_b_from_cam_a, b.fx);
+    let returned = |s: &Match| point(&b.ray_z1(&s.b)?, &a.ray_z1(&s.a)?, &back, a.fx);
     [seeds.iter().filter_map(forth).collect(), seeds.iter().filter_map(returned).collect()]
 }
 
@@ -166,7 +158,7 @@ pub fn seeds_from_depth_z(
     b: &Camera,
     cam_b_from_cam_a: &Rigid3<CamB, CamA>,
     step: usize,
-) -> Vec<Seed> {
+) -> Vec<Match> {
     let step = step.max(1);
     let mut out = Vec::new();
     for y in (step / 2..depth_z.height).step_by(step) {
@@ -175,7 +167,7 @@ pub fn seeds_from_depth_z(
             let z = f64::from(depth_z[(x, y)]);
             let point = if z > 0.0 && z.is_finite() { a.unproject(&at, z) } else { None };
             if let Some(seen) = point.and_then(|point| b.project(&cam_b_from_cam_a.point(&point))) {
-                out.push(Seed { a: at, b: seen });
+                out.push(Match { a: at, b: seen, score: 1.0 });
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::ui::Ui;
 use selenograph_network::Checkpoint;
 use selenograph_network::input::Rule;
 use selenograph_predict::{Estimate, Passes, PredictOptions};
-use selenograph_reconstruct::pipeline::FocalKnowledge;
+use selenograph_reconstruct::evidence::FocalKnowledge;
 use serde::Serialize;
 
 /// Longest sides that are tried for a hint lie so many pixels apart, and the shortest of them.

@@ -7,7 +7,8 @@ use selenograph_geometry::Camera;
 use selenograph_raster::codec::picture::{PictureFile, read_picture};
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::camera_file::{self, PictureSize};
-use selenograph_reconstruct::pipeline::{FocalSource, Reconstruction};
+use selenograph_reconstruct::evidence::FocalSource;
+use selenograph_reconstruct::pipeline::Reconstruction;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,15 +1,15 @@
 //! What is known of where the pictures were taken, from the command line and the files it names.
 
-use crate::args::reconstruct::{self as args, Known};
+use crate::args::reconstruct::Known;
 use crate::exit::refuse;
 use anyhow::Context;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
-use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, ScaleFrom, between};
-use selenograph_reconstruct::scale::World;
+use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, between};
 use selenograph_reconstruct::scale::dem::DemPatch;
 use selenograph_reconstruct::scale::points::KnownPoints;
+use selenograph_reconstruct::scale::{ScaleSource, World};
 use selenograph_reconstruct::transform_file;
 use serde::Serialize;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub struct Summary {
     dem_cell_m: Option<f64>,
     num_points: usize,
     /// Where the size comes from.
-    scale_from: Option<ScaleFrom>,
+    scale_from: Option<ScaleSource>,
 }
 
 /// Everything that is known.
@@ -41,12 +41,7 @@ pub fn priors(known: &Known, sizes: [[usize; 2]; 2]) -> anyhow::Result<(Priors, 
     let mut priors = Priors {
         baseline: length("--baseline-m", known.baseline_m, known.baseline_sigma_m)?,
         altitude: length("--altitude-m", known.altitude_m, known.altitude_sigma_m)?,
-        scale_from: known.scale_from.map(|source| match source {
-            args::ScaleFrom::Baseline => ScaleFrom::Baseline,
-            args::ScaleFrom::Altitude => ScaleFrom::Altitude,
-            args::ScaleFrom::Dem => ScaleFrom::Dem,
-            args::ScaleFrom::Points => ScaleFrom::Points,
-        }),
+        scale_from: known.scale_from,
         ..Priors::default()
     };
     let mut summary = Summary {

@@ -2,25 +2,27 @@
 
 mod inputs;
 mod known;
-mod learned;
+mod network_choice;
 mod pose_file;
 mod report;
 
 use super::clock::now_utc;
 use super::network;
 use super::run_record::{RunRecord, checksums};
-use crate::args::reconstruct::{Method, ProductChoice, Reconstruct};
+use crate::args::reconstruct::{ProductChoice, Reconstruct};
 use crate::exit::{Outcome, refuse};
 use crate::target::Draft;
 use crate::ui::Ui;
 use anyhow::Context;
 use inputs::Pictures;
 use selenograph_pose::relative::CannotSay as Why;
+use selenograph_reconstruct::evidence::FocalKnowledge;
 use selenograph_reconstruct::grid::{Completed, GridOptions};
 use selenograph_reconstruct::hazard::HazardOptions;
-use selenograph_reconstruct::pipeline::{self, Completion, FocalKnowledge, Options, Reconstruction, Stage};
-use selenograph_reconstruct::products::{self, PixelMatch, ProductInput, ProductOptions, Products};
-use selenograph_reconstruct::relative_pose::SiftOptions;
+use selenograph_reconstruct::learned::LearnedOptions;
+use selenograph_reconstruct::pipeline::{self, Input, Method, Options, Reconstruction, Stage};
+use selenograph_reconstruct::products::{self, ProductInput, ProductOptions, Products};
+use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -28,10 +30,9 @@ use std::time::Instant;
 /// Everything that was decided before the work began.
 #[derive(Serialize)]
 struct Settings<'a> {
+    pipeline: &'a Options,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pipeline: Option<&'a Options>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    learned: Option<learned::Record>,
+    network: Option<network_choice::Record>,
     products: &'a ProductOptions,
     known: known::Summary,
     cameras: inputs::CameraSummary,
@@ -51,35 +52,34 @@ struct Answer {
 /// # Errors
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
-    let learned = match args.method {
-        Method::Mast3r | Method::Mast3rStereo => Some(learned::Choice::new(args)?),
-        Method::Sift | Method::Stereo => network::unused(&args.network).map(|()| None)?,
+    let network = if args.method.needs_network() {
+        Some(network_choice::Choice::new(args)?)
+    } else {
+        network::unused(&args.network)?;
+        None
     };
     let draft = Draft::new(&args.target.out, args.target.force)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
     let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, pictures.sizes()))?;
     let options = options(args, &pictures);
-    let product_options = product_options(&args.products, options.completion);
+    let product_options = product_options(&args.products, args.complete);
     for note in &pictures.notes {
         ui.note(&format!("note: {note}"));
     }
-    let (found, learned) = match learned {
+    let (said, network) = match network {
         Some(choice) => {
             let checkpoint = choice.open(args, &pictures, ui)?;
             if args.network.dry_run {
                 return Ok(Outcome::Done);
             }
-            with_stages(ui, |progress| {
-                let found = choice.reconstruct(&checkpoint, &mut pictures, &priors, &options, progress, ui);
-                found.map(|(found, record)| (found, Some(record)))
-            })?
+            let (said, record) = choice.ask(&checkpoint, &mut pictures, ui)?;
+            (Some(said), Some(record))
         }
-        None => {
-            let [a, b] = &pictures.views;
-            let found = with_stages(ui, |progress| pipeline::reconstruct(a, b, &priors, &options, progress));
-            (found.map_err(with_network_in_mind)?, None)
-        }
+        None => (None, None),
     };
+    let input = Input { views: pictures.views.each_ref(), learned: said.as_ref() };
+    let found = with_stages(ui, |progress| pipeline::reconstruct(&input, &priors, &options, progress))
+        .map_err(|error| with_network_in_mind(error, args.method))?;
     for warning in &found.warnings {
         ui.note(&format!("note: {warning}"));
     }
@@ -97,8 +97,8 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
     let settings = Settings {
-        pipeline: (args.method != Method::Mast3r).then_some(&options),
-        learned,
+        pipeline: &options,
+        network,
         products: &product_options,
         known,
         cameras: inputs::CameraSummary::new(&found),
@@ -123,16 +123,18 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
 }
 
 /// Features are of light and shade: under another Sun they have nothing in common, and a network's matches may.
-fn with_network_in_mind(error: selenograph_reconstruct::Error) -> anyhow::Error {
+fn with_network_in_mind(error: selenograph_reconstruct::Error, method: Method) -> anyhow::Error {
     use selenograph_reconstruct::Error::CannotSay;
     match &error {
-        CannotSay(why @ (Why::TooFewMatches { .. } | Why::NoConsensus { .. })) => refuse(
-            error.to_string(),
-            format!(
-                "{}; if the Sun stood elsewhere in one of them, try `--method mast3r --points-from triangulated`",
-                why.hint()
-            ),
-        ),
+        CannotSay(why @ (Why::TooFewMatches { .. } | Why::NoConsensus { .. })) if !method.needs_network() => {
+            refuse(
+                error.to_string(),
+                format!(
+                    "{}; if the Sun stood elsewhere in one of them, try `--method mast3r --points-from triangulated`",
+                    why.hint()
+                ),
+            )
+        }
         _ => error.into(),
     }
 }
@@ -142,21 +144,29 @@ fn write(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
 }
 
 fn options(args: &Reconstruct, pictures: &Pictures) -> Options {
+    let usual = Options::default();
     Options {
-        method: match args.method {
-            Method::Sift => pipeline::Method::Sift,
-            Method::Stereo | Method::Mast3r | Method::Mast3rStereo => pipeline::Method::Stereo,
-        },
-        completion: if args.complete { Completion::Smooth } else { Completion::Absent },
+        method: args.method,
         focal: if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed },
-        sift: SiftOptions { seed: args.seed, ..SiftOptions::default() },
-        ..Options::default()
+        stereo: StereoOptions { completion: completion(args), ..usual.stereo },
+        learned: LearnedOptions {
+            pose: args.learned.pose_from,
+            points: args.learned.points_from,
+            ..LearnedOptions::default()
+        },
+        ..usual
     }
+    .seeded(args.seed)
 }
 
-fn product_options(choice: &ProductChoice, completion: Completion) -> ProductOptions {
+/// What is given where nothing was measured.
+fn completion(args: &Reconstruct) -> Completion {
+    if args.complete { Completion::Everywhere } else { Completion::None }
+}
+
+fn product_options(choice: &ProductChoice, complete: bool) -> ProductOptions {
     let defaults = ProductOptions::default();
-    let completed = if completion == Completion::Smooth { Completed::Include } else { Completed::Leave };
+    let completed = if complete { Completed::Include } else { Completed::Leave };
     ProductOptions {
         grid: GridOptions { cell: choice.cell_m, completed, ..defaults.grid },
         hazard: HazardOptions {
@@ -175,16 +185,6 @@ fn write_products(
     found: &Reconstruction,
     options: &ProductOptions,
 ) -> anyhow::Result<Products> {
-    let matches: Vec<PixelMatch> = found
-        .matches
-        .iter()
-        .map(|m| PixelMatch {
-            a: [m.a.x, m.a.y],
-            b: [m.b.x, m.b.y],
-            score: m.sigma_px.map_or(0.0, |sigma| -sigma),
-            inlier: m.inlier,
-        })
-        .collect();
     let [a, b] = &pictures.views;
     let views = [(a, 0), (b, 1)].map(|(view, k)| selenograph_reconstruct::View {
         image: view.image.clone(),
@@ -194,7 +194,7 @@ fn write_products(
         views: [&views[0], &views[1]],
         prediction: &found.prediction,
         placement: &found.placement,
-        matches: Some(&matches),
+        matches: Some(&found.matches),
     };
     Ok(products::write(folder, &input, options)?)
 }

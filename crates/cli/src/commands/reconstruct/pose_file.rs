@@ -1,7 +1,8 @@
 //! The relative pose for people, and as the file `pose.json` that later commands accept.
 
-use selenograph_geometry::{CamA, CamB, Rigid3};
-use selenograph_reconstruct::pipeline::{PoseSource, Reconstruction};
+use selenograph_geometry::{CamA, CamB, Rigid3, mean_focal_px};
+use selenograph_reconstruct::evidence::PoseSource;
+use selenograph_reconstruct::pipeline::Reconstruction;
 use selenograph_reconstruct::transform_file::PairPose;
 use serde::Serialize;
 
@@ -38,8 +39,6 @@ impl PoseRecord {
         let motion = scaled(found, unit);
         let baseline = motion.origin().coords.norm();
         let cosine = 0.5 * (motion.rotation().trace() - 1.0);
-        let mean_focal_px =
-            found.cameras.iter().map(|camera| camera.fx * camera.fy).product::<f64>().powf(0.25);
         let inliers = [found.matches.iter().filter(|m| m.inlier).count(), found.matches.len()];
         let (source, inliers, residual_px, sigmas, plane_share) = match &found.pose {
             PoseSource::Estimated(pose) => {
@@ -48,7 +47,7 @@ impl PoseRecord {
                 (
                     "estimated",
                     inliers,
-                    pose.residual_rms * mean_focal_px,
+                    pose.residual_rms * mean_focal_px(found.cameras.each_ref()),
                     Some(sigmas),
                     Some(pose.plane_share),
                 )

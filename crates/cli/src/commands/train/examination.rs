@@ -9,7 +9,7 @@ use anyhow::Context;
 use selenograph_dataset::augment::SunChoice;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::method::Method;
-use selenograph_evaluate::method::learned::Network;
+use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::run::{self, Existing, Line, RunOptions, Settings};
 use selenograph_network::Checkpoint;
 use selenograph_train::network::PairNetwork;
@@ -67,8 +67,12 @@ impl Examination {
             Ok(source)
         };
         let sources = parts.into_iter().map(open).collect::<anyhow::Result<_>>()?;
-        let settings =
-            Settings { lights, methods: vec![Method::Mast3r], reference_frame: None, ..Settings::default() };
+        let settings = Settings {
+            lights,
+            methods: vec![Method::Pictures(selenograph_reconstruct::pipeline::Method::Mast3r)],
+            reference_frame: None,
+            ..Settings::default()
+        };
         let (device, folder) = (request.device.clone(), folder.to_owned());
         Ok(Some(Self { sources, settings, device, folder }))
     }

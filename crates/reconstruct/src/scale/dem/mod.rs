@@ -19,7 +19,7 @@ mod patch;
 pub use patch::DemPatch;
 
 use super::altitude::MAD_TO_SIGMA;
-use super::{Placement, ScaleKind};
+use super::{Placement, ScaleSource};
 use crate::Error;
 use crate::grid::frame::sampled_points;
 use crate::prediction::Prediction;
@@ -79,7 +79,7 @@ impl DemAlignment {
     /// # Errors
     /// [`Error::Geometry`] for a scale that is none.
     pub fn placement(&self, dem: &DemPatch) -> Result<Placement, Error> {
-        Placement::from_body(dem.body().clone(), &self.body_from_pred, Some(self.sigma[6]), ScaleKind::Dem)
+        Placement::from_body(dem.body().clone(), &self.body_from_pred, Some(self.sigma[6]), ScaleSource::Dem)
     }
 }
 

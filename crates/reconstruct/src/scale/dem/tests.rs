@@ -53,7 +53,7 @@ fn truth(dem: &DemPatch) -> Prediction {
         points,
     };
     let none = CannotSay::TooFewMatches { found: 0, needed: 5 };
-    Prediction { cam_b_from_cam_a: Err(none), views: Some([view.clone(), view]) }
+    Prediction { cam_b_from_cam_a: Err(none.into()), views: Some([view.clone(), view]) }
 }
 
 /// The pose turned by half a degree and moved by 200 m.
@@ -88,7 +88,7 @@ fn relief_decides_all_seven_numbers() {
         assert!(found.residual_before_m > 20.0 && found.residual_after_m < 1.0, "{found:?}");
         assert_eq!(found.observed, [true; 7]);
         let placement = found.placement(&dem).unwrap();
-        assert!(placement.metric && placement.source == ScaleKind::Dem);
+        assert!(placement.metric && placement.source == Some(ScaleSource::Dem));
     }
 }
 

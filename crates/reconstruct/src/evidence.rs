@@ -1,12 +1,10 @@
-//! What comes out at the end, and what must be said about it.
+//! What an answer rests on, and what must be said about it.
 
-use crate::Prediction;
-use crate::priors::{Priors, ScaleFrom};
-use crate::relative_pose::{Counts, PairMatch};
-use crate::scale::Placement;
-use selenograph_geometry::{CamA, CamB, Camera, Rigid3};
+use crate::judge;
+use crate::relative_pose::JudgedMatch;
+use selenograph_geometry::{CamA, CamB, Rigid3};
 use selenograph_pose::relative::RelativePose;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Where the relative pose comes from.
 #[derive(Debug, Clone)]
@@ -31,7 +29,7 @@ pub enum PoseSource {
         /// Root mean square reprojection error of those that agree, in a coordinate, pixels.
         residual_px: f64,
     },
-    /// None was asked for.
+    /// There is none: the prediction says why.
     Nothing,
 }
 
@@ -40,7 +38,7 @@ const GOOD_SHARE: f64 = 0.5;
 
 impl PoseSource {
     /// A given pose and the matches that it was checked with.
-    pub(crate) fn given(judged: &[PairMatch]) -> Self {
+    pub(crate) fn given(judged: &[JudgedMatch]) -> Self {
         let squares = judged.iter().filter(|m| m.inlier).map(|m| m.residual_px.powi(2));
         let (agreeing, sum) = squares.fold((0, 0.0), |(count, sum), square| (count + 1, sum + square));
         Self::Given { agreeing, matches: judged.len(), residual_px: (sum / agreeing.max(1) as f64).sqrt() }
@@ -50,7 +48,7 @@ impl PoseSource {
         match *self {
             Self::Given { agreeing, matches, residual_px }
                 if (agreeing as f64) < GOOD_SHARE * matches as f64
-                    || residual_px > 0.5 * super::given::TOLERANCE_PX =>
+                    || residual_px > 0.5 * judge::GIVEN_TOLERANCE_PX =>
             {
                 Some(Warning::PoseDisagrees { agreeing, matches, residual_px })
             }
@@ -63,6 +61,17 @@ impl PoseSource {
             _ => None,
         }
     }
+}
+
+/// Whether the cameras' focal lengths are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FocalKnowledge {
+    /// The views' cameras are what they say.
+    #[default]
+    Known,
+    /// The views' cameras hold a guess: it is replaced where the matches, or a network's points, tell better.
+    Guessed,
 }
 
 /// Where the focal lengths come from.
@@ -93,7 +102,7 @@ pub enum FocalSource {
 }
 
 impl FocalSource {
-    pub(super) fn warning(self) -> Option<Warning> {
+    pub(crate) fn warning(self) -> Option<Warning> {
         match self {
             Self::Known => None,
             Self::Pointmaps { focal_px: [a, b] } => Some(Warning::FocalFromPoints { a_px: a, b_px: b }),
@@ -148,7 +157,7 @@ pub enum Warning {
     #[error(
         "the relative pose that was given and the pictures do not agree well: {agreeing} of {matches} matches lie within {tolerance_px} px of \
          their epipolar lines, {residual_px:.2} px (rms) beside them; points are shifted by as much",
-        tolerance_px = super::given::TOLERANCE_PX
+        tolerance_px = judge::GIVEN_TOLERANCE_PX
     )]
     PoseDisagrees {
         /// Matches that agree.
@@ -195,45 +204,4 @@ pub enum Warning {
         /// Its size over that which was used.
         ratio: f64,
     },
-}
-
-/// A placed prediction and what it rests on.
-#[derive(Debug, Clone)]
-pub struct Reconstruction {
-    /// Pose and points.
-    pub prediction: Prediction,
-    /// Where the pose comes from.
-    pub pose: PoseSource,
-    /// The matches it rests on, or is checked with.
-    pub matches: Vec<PairMatch>,
-    /// How many there were after each step.
-    pub counts: Counts,
-    /// Size and place.
-    pub placement: Placement,
-    /// The cameras that were used.
-    pub cameras: [Camera; 2],
-    /// Where their focal lengths come from.
-    pub focal: FocalSource,
-    /// What must be said.
-    pub warnings: Vec<Warning>,
-}
-
-/// Sizes that differ by more than this share are said.
-const DISAGREEMENT: f64 = 0.05;
-
-/// What the priors that did not give the size say about it.
-pub(super) fn disagreements(priors: &Priors, prediction: &Prediction, placement: &Placement) -> Vec<Warning> {
-    let Ok(Some(used)) = priors.scale_from() else { return Vec::new() };
-    let others = [ScaleFrom::Baseline, ScaleFrom::Altitude, ScaleFrom::Dem, ScaleFrom::Points];
-    others
-        .into_iter()
-        .filter(|other| *other != used)
-        .filter_map(|other| {
-            let with_other = Priors { scale_from: Some(other), ..priors.clone() };
-            let ratio = with_other.place(prediction).ok()?.cam_a_from_pred.scale()
-                / placement.cam_a_from_pred.scale();
-            let differs = (ratio - 1.0).abs() > DISAGREEMENT;
-            differs.then_some(Warning::ScalesDisagree { used: used.as_str(), other: other.as_str(), ratio })
-        })
-        .collect()
 }

@@ -1,17 +1,15 @@
 //! `reconstruct --method mast3r` and `mast3r-stereo`: what a network says of the pictures.
 
 use super::inputs::Pictures;
-use crate::args::reconstruct::{Method, PointsFrom, PoseFrom, Reconstruct};
+use crate::args::reconstruct::Reconstruct;
 use crate::commands::network::{self, builtin};
 use crate::exit::refuse;
 use crate::ui::Ui;
 use selenograph_network::Checkpoint;
 use selenograph_predict::{About, Density, Passes, PredictOptions};
-use selenograph_reconstruct::learned::{self, LearnedOptions};
-use selenograph_reconstruct::pipeline::{
-    FocalKnowledge, Options, Reconstruction, Stage, reconstruct_learned, reconstruct_matched,
-};
-use selenograph_reconstruct::priors::Priors;
+use selenograph_reconstruct::evidence::FocalKnowledge;
+use selenograph_reconstruct::learned::{LearnedInput, PointsFrom, PoseFrom};
+use selenograph_reconstruct::pipeline::Method;
 use serde::Serialize;
 
 /// What was decided, for the record.
@@ -19,16 +17,13 @@ use serde::Serialize;
 pub struct Record {
     network: About,
     run: PredictOptions,
-    /// Absent where only its matches were taken.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    geometry: Option<LearnedOptions>,
 }
 
 /// Everything that is decided before the pictures are looked at.
 pub struct Choice {
     run: PredictOptions,
-    /// `None` takes the matches only.
-    geometry: Option<LearnedOptions>,
+    /// Which of its points are taken; `None` takes the matches only.
+    points: Option<PointsFrom>,
 }
 
 impl Choice {
@@ -46,24 +41,14 @@ impl Choice {
                 "leave them out: `mast3r-stereo` takes the network's matches, and points from stereo",
             ));
         }
-        let (points, density) = match args.learned.points_from {
-            PointsFrom::Network => (learned::PointsFrom::Network, Density::Published),
-            PointsFrom::Triangulated => (learned::PointsFrom::Triangulated, Density::Dense),
-        };
-        let pose = match args.learned.pose_from {
-            PoseFrom::Matches => learned::PoseFrom::Matches,
-            PoseFrom::Points => learned::PoseFrom::Points,
-            PoseFrom::Nothing => learned::PoseFrom::Nothing,
+        let density = match args.learned.points_from {
+            PointsFrom::Network => Density::Published,
+            PointsFrom::Triangulated => Density::Dense,
         };
         let passes = if args.learned.symmetric { Passes::Symmetric } else { Passes::Forward };
         Ok(Self {
             run: PredictOptions { density, passes, ..network::options(&args.network)? },
-            geometry: takes_points.then(|| LearnedOptions {
-                pose,
-                points,
-                seed: args.seed,
-                ..LearnedOptions::default()
-            }),
+            points: takes_points.then_some(args.learned.points_from),
         })
     }
 
@@ -75,9 +60,7 @@ impl Choice {
         let focal = self.focal_knowledge(pictures);
         let task = network::Task { pictures: pictures.sizes(), focal, num_pairs: 1 };
         let checkpoint = network::open(&args.network, &self.run, &task, ui)?;
-        let takes_its_points =
-            self.geometry.as_ref().is_some_and(|g| g.points == learned::PointsFrom::Network);
-        if takes_its_points && builtin::is(&checkpoint) {
+        if self.points == Some(PointsFrom::Network) && builtin::is(&checkpoint) {
             ui.note(
                 "warning: the built-in network is for matches, its own points are no terrain: take `--points-from triangulated`, \
                  or `--method mast3r-stereo`",
@@ -86,20 +69,16 @@ impl Choice {
         Ok(checkpoint)
     }
 
-    /// Runs the network and places what it says, or what stereo makes of its matches (with `options`); what was done to the
-    /// pictures is added to their notes.
+    /// Asks the network; what was done to the pictures is added to their notes.
     ///
     /// # Errors
-    /// Weights that make no network; a picture below one patch; a pair that cannot tell.
-    pub fn reconstruct(
+    /// Weights that make no network; a picture below one patch.
+    pub fn ask(
         self,
         checkpoint: &Checkpoint,
         pictures: &mut Pictures,
-        priors: &Priors,
-        options: &Options,
-        progress: &mut dyn FnMut(Stage),
         ui: &Ui,
-    ) -> anyhow::Result<(Reconstruction, Record)> {
+    ) -> anyhow::Result<(LearnedInput, Record)> {
         let predictor = network::load(checkpoint, &self.run, ui)?;
         let focal = self.focal_knowledge(pictures);
         let said = network::with_steps(ui, |progress| predictor.predict(&pictures.views, focal, progress))?;
@@ -110,18 +89,12 @@ impl Choice {
                 pictures.notes.push(note);
             }
         }
-        let [a, b] = &pictures.views;
-        let found = match &self.geometry {
-            Some(geometry) => reconstruct_learned(said.input, priors, geometry, progress)?,
-            None => reconstruct_matched(a, b, &said.input.learned, priors, options, progress)?,
-        };
-        let record = Record { network: predictor.about().clone(), run: self.run, geometry: self.geometry };
-        Ok((found, record))
+        Ok((said.input, Record { network: predictor.about().clone(), run: self.run }))
     }
 
     /// Whether the network's points are to tell the focal lengths.
     fn focal_knowledge(&self, pictures: &Pictures) -> FocalKnowledge {
-        if pictures.camera_known || self.geometry.is_none() {
+        if pictures.camera_known || self.points.is_none() {
             FocalKnowledge::Known
         } else {
             FocalKnowledge::Guessed

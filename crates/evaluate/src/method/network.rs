@@ -1,16 +1,10 @@
-//! The method that needs a network: loaded once for a run, each view encoded once for a pair.
+//! The network that methods need: loaded once for a run, each view encoded once for a pair.
 
-use super::Answer;
-use super::pictures::{self, Pose, Scored, reference_pose};
 use crate::Error;
-use crate::pair_metrics::PAPER_ROWS;
-use selenograph_geometry::Camera;
 use selenograph_predict::{EncodedView, PredictOptions, Predictor, Rule};
 use selenograph_reconstruct::View;
-use selenograph_reconstruct::learned::{LearnedOptions, solve};
-use selenograph_reconstruct::matching::Match;
-use selenograph_reconstruct::pipeline::{FocalKnowledge, LearnedInput};
-use selenograph_reconstruct::relative_pose::{SiftOptions, of_matches};
+use selenograph_reconstruct::evidence::FocalKnowledge;
+use selenograph_reconstruct::learned::{LearnedInput, LearnedOptions};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -105,36 +99,19 @@ pub struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
+    /// How pose and points follow from what it says.
+    pub(super) fn geometry(&self) -> &LearnedOptions {
+        &self.network.record.geometry
+    }
+
     /// With nothing encoded yet.
     pub fn new(network: &'a Network) -> Self {
         Self { network, encoded: RefCell::default(), last: RefCell::default() }
     }
 
-    /// What the network says of the views under two lights; a view that was seen under its light before is not encoded again.
-    pub(super) fn answer(
-        &self,
-        views: &[View; 2],
-        lights: [u64; 2],
-        points: PointsOf,
-    ) -> Result<Answer, Error> {
-        let said = self.said(views, lights)?;
-        let learned = &said.learned;
-        let cameras = views.each_ref().map(|view| &view.camera);
-        let geometry = &self.network.record.geometry;
-        let prediction = match points {
-            PointsOf::Network => solve(cameras, learned, None, geometry)?.prediction,
-            PointsOf::Stereo => {
-                let [a, b] = views;
-                let options = SiftOptions::default();
-                pictures::dense(views, of_matches(a, b, &learned.matches, learned.grain, &options))
-            }
-        };
-        let reference = by_reference(&learned.matches, cameras, geometry.seed);
-        Ok(Answer { prediction, reference_pose: Some(reference) })
-    }
-
-    /// Points and matches; those of the last item are at hand.
-    fn said(&self, views: &[View; 2], lights: [u64; 2]) -> Result<Rc<LearnedInput>, Error> {
+    /// What the network says of the views under two lights; that of the last item is at hand, and a view that was seen under its
+    /// light before is not encoded again.
+    pub(super) fn said(&self, views: &[View; 2], lights: [u64; 2]) -> Result<Rc<LearnedInput>, Error> {
         if let Some((of, said)) = &*self.last.borrow()
             && *of == lights
         {
@@ -155,24 +132,4 @@ impl<'a> Session<'a> {
         *self.last.borrow_mut() = Some((lights, said.clone()));
         Ok(said)
     }
-}
-
-/// Whose points are judged.
-#[derive(Clone, Copy)]
-pub(super) enum PointsOf {
-    /// The network's own.
-    Network,
-    /// Those of dense stereo, on the pose of the network's matches.
-    Stereo,
-}
-
-/// The reference protocol: the best of the matches within the central rows.
-fn by_reference(matches: &[Match], cameras: [&Camera; 2], seed: u64) -> Pose {
-    let inside = |y: f64, camera: &Camera| {
-        let top = camera.height.saturating_sub(PAPER_ROWS) / 2;
-        (top as f64..(top + PAPER_ROWS) as f64).contains(&y)
-    };
-    let central = matches.iter().filter(|m| inside(m.a.y, cameras[0]) && inside(m.b.y, cameras[1]));
-    let scored = central.map(|m| Scored { a: m.a, b: m.b, score: m.score }).collect();
-    reference_pose(scored, cameras, seed)
 }
