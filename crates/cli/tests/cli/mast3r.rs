@@ -185,7 +185,7 @@ fn the_builtin_network_is_a_checkpoint_like_any_other() {
     assert!(points.stderr.contains("its own points are no terrain"), "{}", points.stderr);
     let run = std::fs::read_to_string(place.path("builtin/run.toml")).unwrap();
     assert!(
-        run.contains("[settings.learned.network]") && run.contains("[settings.pipeline.stereo]"),
+        run.contains("[settings.network.network]") && run.contains("[settings.pipeline.stereo]"),
         "{run}"
     );
 }
