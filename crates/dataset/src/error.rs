@@ -26,6 +26,14 @@ pub enum Error {
         /// What it holds.
         found: String,
     },
+    /// A pair or view without depth or pose.
+    #[error("`{}`: expected {expected}, found none", path.display())]
+    NoTruth {
+        /// The file, or the name of the view.
+        path: PathBuf,
+        /// What it should have.
+        expected: &'static str,
+    },
     /// A campaign that cannot be read (TOML syntax, unknown key, wrong type).
     #[error("campaign: {what}")]
     Campaign {

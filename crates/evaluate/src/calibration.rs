@@ -40,11 +40,9 @@ pub struct Sparsification {
 }
 
 /// What errors say of the sigmas that came with them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
-    /// The curve.
-    pub reliability: Reliability,
-    /// Mean absolute difference between its two columns.
+    /// Mean absolute difference between the two columns of the curve.
     pub calibration_error: f64,
     /// Median sigma.
     pub sharpness: f64,
@@ -54,11 +52,11 @@ pub struct Calibration {
     pub rms: f64,
 }
 
-/// Of pairs `(error, sigma)`, with positive sigmas and finite numbers only; `None` without such a pair.
+/// Scores and curve of pairs `(error, sigma)`, with positive sigmas and finite numbers only; `None` without such a pair.
 ///
 /// # Source
 /// Kuleshov et al. 2018, "Accurate uncertainties for deep learning using calibrated regression", §3.
-pub fn calibration(pairs: &[(f64, f64)]) -> Option<Calibration> {
+pub fn calibration(pairs: &[(f64, f64)]) -> Option<(Calibration, Reliability)> {
     let usable = |(error, sigma): &(f64, f64)| error.is_finite() && sigma.is_finite() && *sigma > 0.0;
     let (mut scores, mut sigmas): (Vec<f64>, Vec<f64>) =
         pairs.iter().filter(|pair| usable(pair)).map(|(error, sigma)| (error.abs() / sigma, *sigma)).unzip();
@@ -77,7 +75,7 @@ pub fn calibration(pairs: &[(f64, f64)]) -> Option<Calibration> {
     let off: f64 = expected.iter().zip(&observed).map(|(e, o)| (e - o).abs()).sum();
     let calibration_error = off / INTERVALS.len() as f64;
     let reliability = Reliability { expected, observed };
-    Some(Calibration { reliability, calibration_error, sharpness, mean_abs, rms })
+    Some((Calibration { calibration_error, sharpness, mean_abs, rms }, reliability))
 }
 
 /// Curves of pairs `(error, doubt)`, more doubt being less certain (a sigma, or a confidence with its sign turned), and the area
@@ -85,7 +83,7 @@ pub fn calibration(pairs: &[(f64, f64)]) -> Option<Calibration> {
 ///
 /// # Source
 /// Ilg et al. 2018, "Uncertainty estimates and multi-hypotheses networks for optical flow", §5 (AUSE).
-pub fn sparsification(pairs: &[(f64, f64)]) -> Option<(Sparsification, f64)> {
+pub fn sparsification(pairs: &[(f64, f64)]) -> Option<(f64, Sparsification)> {
     let finite = |(error, doubt): &&(f64, f64)| error.is_finite() && doubt.is_finite();
     let mut by_doubt: Vec<(f64, f64)> = pairs.iter().filter(finite).copied().collect();
     let mut errors: Vec<f64> = by_doubt.iter().map(|(error, _)| *error).collect();
@@ -106,7 +104,7 @@ pub fn sparsification(pairs: &[(f64, f64)]) -> Option<(Sparsification, f64)> {
     let (by_method, by_error) = (remaining(&ordered, mean), remaining(&errors, mean));
     let gaps: Vec<f64> = by_method.iter().zip(&by_error).map(|(m, e)| m - e).collect();
     let area = gaps.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]) / NUM_LEVELS as f64).sum();
-    Some((Sparsification { left_out, by_method, by_error }, area))
+    Some((area, Sparsification { left_out, by_method, by_error }))
 }
 
 /// For each level, the mean of the first values that remain, over the mean of all.
@@ -140,11 +138,11 @@ mod tests {
         }
         pairs.extend((0..1000).map(|_| (0.1, 3.0)));
         pairs.extend((0..100).map(|_| (9.0, 3.0)));
-        let found = calibration(&pairs).unwrap();
+        let (found, _) = calibration(&pairs).unwrap();
         assert!(found.calibration_error < 1e-12, "{found:?}");
         assert_eq!(found.sharpness, 3.0);
         let tight: Vec<(f64, f64)> = pairs.iter().map(|(e, s)| (*e, 0.1 * s)).collect();
-        assert!(calibration(&tight).unwrap().calibration_error > 0.3);
+        assert!(calibration(&tight).unwrap().0.calibration_error > 0.3);
         assert_eq!(calibration(&[(1.0, 0.0), (1.0, f64::NAN)]), None);
     }
 
@@ -152,12 +150,12 @@ mod tests {
     fn certainty_in_order_of_the_error_has_no_area() {
         let errors: Vec<f64> = (0..200).map(|i| f64::from(i * 37 % 200)).collect();
         let pairs = |doubt: &dyn Fn(f64) -> f64| errors.iter().map(|e| (*e, doubt(*e))).collect::<Vec<_>>();
-        let (curve, area) = sparsification(&pairs(&|e| e)).unwrap();
+        let (area, curve) = sparsification(&pairs(&|e| e)).unwrap();
         assert_eq!((area, curve.by_method[0]), (0.0, 1.0));
         // Doubt that says nothing leaves the mean where it is.
-        let (flat, constant) = sparsification(&pairs(&|_| 1.0)).unwrap();
+        let (constant, flat) = sparsification(&pairs(&|_| 1.0)).unwrap();
         assert!(flat.by_method.iter().all(|m| (m - 1.0).abs() < 1e-12));
-        let (_, reversed) = sparsification(&pairs(&|e| -e)).unwrap();
+        let (reversed, _) = sparsification(&pairs(&|e| -e)).unwrap();
         assert!(constant > 0.4 && reversed > 1.5 * constant, "{constant} {reversed}");
         assert_eq!(sparsification(&[(0.0, 1.0)]), None);
     }

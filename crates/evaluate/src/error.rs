@@ -90,6 +90,22 @@ impl Error {
         move |source| Self::Io { action, path, source }
     }
 
+    /// Whether it says that the depth of a pair is not there: the file that should hold it, or every pixel in it.
+    pub(crate) fn lacks_truth(&self) -> bool {
+        use selenograph_dataset::Error as Dataset;
+        use selenograph_raster::Error as Raster;
+        match self {
+            Self::Dataset(Dataset::NoTruth { .. }) => true,
+            Self::Dataset(
+                Dataset::Raster(Raster::Io { path, source, .. }) | Dataset::Io { path, source, .. },
+            )
+            | Self::Raster(Raster::Io { path, source, .. }) => {
+                source.kind() == std::io::ErrorKind::NotFound && path.extension().is_some_and(|e| e == "exr")
+            }
+            _ => false,
+        }
+    }
+
     /// What the user can do about it, where that is not what the wrapped error's own hint says.
     pub fn hint(&self) -> Option<String> {
         Some(match self {

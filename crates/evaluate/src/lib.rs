@@ -1,30 +1,34 @@
 //! Predictions against truth: every metric with its definition, floors beside it, tables, plots and figures.
 #![forbid(unsafe_code)]
 
-pub mod agreement;
-pub mod aligned;
-pub mod alignment;
-pub mod bootstrap;
-pub mod calibration;
-pub mod cloud;
+mod agreement;
+mod aligned;
+mod alignment;
+mod bootstrap;
+mod calibration;
+mod cloud;
 pub mod dataset_source;
-pub mod depth_error;
-pub mod error;
-pub mod figures;
-pub mod hazard;
+mod depth_error;
+mod error;
+mod figures;
+mod hazard;
 pub mod method;
 pub mod pair_metrics;
-pub mod paper;
-pub mod plots;
-pub mod point_error;
-pub mod pose_error;
-pub mod profile;
+mod paper;
+mod plots;
+mod point_error;
+mod pose_error;
+mod profile;
 pub mod run;
-pub mod slope;
-pub mod ssim;
+mod slope;
+mod ssim;
 pub mod summary;
-pub mod table;
+mod table;
 pub mod truth;
-pub mod worst;
+mod worst;
 
 pub use error::Error;
+pub use figures::ItemFigures;
+pub use plots::{Plot, plots};
+pub use ssim::ssim;
+pub use worst::{Worst, worst};

@@ -1,8 +1,5 @@
 //! Numbers that others have published, shown beside ours and never mixed with them.
 
-use crate::bootstrap::Estimate;
-use crate::table::{Cell, Row, RowKind, Spec};
-
 /// A published row for one trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Published {
@@ -93,26 +90,4 @@ const fn published(
     values: &'static [(&'static str, f64)],
 ) -> Published {
     Published { class, name, values }
-}
-
-/// The published rows of a class of a table.
-pub fn rows(spec: &Spec, class: &str) -> Vec<Row> {
-    let of_class = spec.published.iter().filter(|row| row.class == class);
-    of_class
-        .map(|row| {
-            let cells = spec.columns.iter().map(|column| {
-                let (_, value) = row.values.iter().find(|(head, _)| *head == column.head)?;
-                let estimate = Estimate { value: *value, interval: None, num_items: 0, num_geometries: 0 };
-                Some(Cell { estimate, is_best: false, reduction_pct: None })
-            });
-            Row {
-                class: class.to_owned(),
-                name: row.name.to_owned(),
-                kind: RowKind::Published,
-                num_items: 0,
-                num_geometries: 0,
-                cells: cells.collect(),
-            }
-        })
-        .collect()
 }

@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use selenograph_evaluate::pair_metrics::{
-    PairMetrics, Promise, Reference, Region, RegionMetrics, Settings, measure,
+    PairMetrics, PreparedTruth, Promise, Region, RegionMetrics, Settings, measure,
 };
 use selenograph_evaluate::truth::{Precision, TruthPair, TruthView};
 use selenograph_geometry::{BodyFixed, Cam, Camera, Point3, Rigid3, Rotation3, Vector3};
@@ -159,9 +159,9 @@ proptest! {
         turn in prop::array::uniform3(-3.0..3.0f64),
     ) {
         let truth = pair();
-        let reference = Reference::new(&truth, &Settings::default()).unwrap();
+        let prepared = PreparedTruth::new(&truth, &Settings::default()).unwrap();
         let of = |unit_per_m: f64, turn| {
-            reference.measure(&prediction(&truth, unit_per_m, turn, 8.0), Promise::Points).unwrap()
+            prepared.measure(&prediction(&truth, unit_per_m, turn, 8.0), Promise::Points).unwrap()
         };
         let (base, moved) = (of(1.0, [0.0; 3]), of(unit_per_m, turn));
         for region in [Region::Overlap, Region::Full] {
@@ -183,12 +183,12 @@ proptest! {
 #[test]
 fn no_answers_count_and_the_rest_is_null() {
     let truth = pair();
-    let reference = Reference::new(&truth, &Settings::default()).unwrap();
+    let prepared = PreparedTruth::new(&truth, &Settings::default()).unwrap();
     let silent = Prediction {
         cam_b_from_cam_a: Err(CannotSay::TooFewMatches { found: 3, needed: 5 }.into()),
         views: None,
     };
-    let metrics = reference.measure(&silent, Promise::Points).unwrap();
+    let metrics = prepared.measure(&silent, Promise::Points).unwrap();
     reasons_are_complete(&metrics);
     assert!(metrics.pose_failed && metrics.pose_error_deg() == f64::INFINITY);
     let numbers = &metrics.overlap.numbers;
@@ -197,7 +197,7 @@ fn no_answers_count_and_the_rest_is_null() {
     assert!(numbers.point_error_rel.unwrap() > 0.0 && numbers.slope_corr_gsd.is_none());
     assert!(metrics.overlap.missing["slope_corr_gsd"].contains("3 matches"));
     // A method that promises a pose only is not charged for points.
-    let pose_only = reference.measure(&silent, Promise::Pose).unwrap();
+    let pose_only = prepared.measure(&silent, Promise::Pose).unwrap();
     assert_eq!((pose_only.full.numbers.coverage, pose_only.full.numbers.point_error_rel), (None, None));
     reasons_are_complete(&pose_only);
     // Answers that are all absent, and ten of them.
@@ -207,7 +207,7 @@ fn no_answers_count_and_the_rest_is_null() {
             *fill = Fill::Absent;
         }
     }
-    let metrics = reference.measure(&sparse, Promise::Points).unwrap();
+    let metrics = prepared.measure(&sparse, Promise::Points).unwrap();
     assert_eq!(metrics.full.numbers.point_error_rel, metrics.full.numbers.point_error_plane_rel);
     assert!((metrics.full.numbers.coverage.unwrap() - 10.0 / (WIDTH * HEIGHT) as f64).abs() < 1e-12);
     reasons_are_complete(&metrics);

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use selenograph_evaluate::pair_metrics::{Promise, Region, Settings, definitions, measure};
-use selenograph_evaluate::ssim::ssim;
+use selenograph_evaluate::ssim;
 use selenograph_evaluate::truth::{Precision, TruthPair, TruthView};
 use selenograph_geometry::{Cam, CamA, CamB, Camera, Matrix3, PixelConvention, Point3, Rigid3};
 use selenograph_raster::Raster;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use selenograph_dataset::import::stereolunar;
-use selenograph_evaluate::pair_metrics::{Promise, Reference, Settings};
+use selenograph_evaluate::pair_metrics::{PreparedTruth, Promise, Settings};
 use selenograph_evaluate::truth::{Precision, TruthPair};
 use selenograph_geometry::PixelConvention;
 use selenograph_raster::Raster;
@@ -41,8 +41,8 @@ fn shared_sample_pairs_have_their_ceilings_and_floors() {
             let (pair, _) = stereolunar::read_pair(&triplets, PixelConvention::Corner).unwrap();
             let truth = TruthPair::from_stereo_pair(&pair);
             assert!(truth.views.iter().all(|view| view.precision == Precision::Half));
-            let reference = Reference::new(&truth, &Settings::paper()).unwrap();
-            let metrics = reference.measure(&truth_itself(&truth), Promise::MetricPoints).unwrap();
+            let prepared = PreparedTruth::new(&truth, &Settings::paper()).unwrap();
+            let metrics = prepared.measure(&truth_itself(&truth), Promise::MetricPoints).unwrap();
             let full = &metrics.full.numbers;
             // `protocol.md` §d.6 over 18 views: 0.46-0.70, 0.85-0.98 and (3 views) 0.987-0.995.
             let ceilings =

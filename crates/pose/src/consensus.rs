@@ -1,10 +1,10 @@
 //! The three searches of a relative pose: essential matrix, homography and rotation.
 
 use crate::decompose::motions_of_essential;
-use crate::points::{Pairs, PairsF32};
+use crate::points::{LANES, Pairs, PairsF32};
 use crate::ransac::{Estimator, Score, Tally};
 use crate::refine::{Loss, refine};
-use crate::sampson::{self, LANES};
+use crate::sampson;
 use crate::solvers::essential_5pt;
 use crate::solvers::homography_4pt::{homography_4pt, homography_linear, transfer_squared};
 use crate::solvers::rotation::rotation;

@@ -93,7 +93,7 @@ pub fn motions_of_homography(h: &Matrix3<f64>) -> Option<[PlaneMotion; 2]> {
 }
 
 /// The rotation nearest to a matrix that almost is one: the polar factor, by Newton's iteration (Higham 1986).
-pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {
     let mut r = *m;
     for _ in 0..10 {
         let Some(inverse) = r.try_inverse() else { return r };

@@ -5,14 +5,14 @@
 
 pub mod absolute;
 pub mod cheirality;
-pub mod consensus;
+mod consensus;
 pub mod decompose;
-pub mod degenerate;
+mod degenerate;
 pub mod points;
-pub mod polynomial;
+mod polynomial;
 pub mod problems;
 pub mod random;
-pub mod ransac;
+mod ransac;
 pub mod refine;
 pub mod relative;
 pub mod sampson;

@@ -1,7 +1,9 @@
 //! Matches laid out for loops: one array per coordinate, padded to whole vectors.
 
-use crate::sampson::LANES;
 use nalgebra::Vector3;
+
+/// Matches that one pass of the vector loops takes together.
+pub const LANES: usize = 8;
 
 /// Coordinates of pairs on the planes `z = 1`, padded to a multiple of eight with values that are not numbers.
 #[derive(Debug, Clone, Default)]
@@ -26,7 +28,7 @@ impl Pairs {
     }
 
     /// Replaces the content, keeping the memory.
-    pub fn refill(&mut self, pairs: impl IntoIterator<Item = [f64; 4]>) {
+    pub(crate) fn refill(&mut self, pairs: impl IntoIterator<Item = [f64; 4]>) {
         for column in [&mut self.ax, &mut self.ay, &mut self.bx, &mut self.by] {
             column.clear();
         }
@@ -54,7 +56,7 @@ impl Pairs {
     }
 
     /// Number of pairs with the padding.
-    pub fn padded_len(&self) -> usize {
+    pub(crate) fn padded_len(&self) -> usize {
         self.ax.len()
     }
 

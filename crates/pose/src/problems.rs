@@ -39,7 +39,7 @@ pub struct Scene {
 }
 
 /// Half the field of view on the plane `z = 1`: 45°.
-pub const HALF_FIELD: f64 = 0.414_213_562_373_095_03;
+pub(crate) const HALF_FIELD: f64 = 0.414_213_562_373_095_03;
 
 impl Scene {
     /// A scene without noise or outliers; every point is seen by both views.

@@ -37,7 +37,7 @@ impl Random {
     }
 
     /// A random order of the first `n` whole numbers (Fisher, Yates).
-    pub fn permutation(&mut self, n: usize) -> Vec<usize> {
+    pub(crate) fn permutation(&mut self, n: usize) -> Vec<usize> {
         let mut order: Vec<usize> = (0..n).collect();
         for i in (1..n).rev() {
             order.swap(i, self.below(i + 1));
@@ -46,7 +46,7 @@ impl Random {
     }
 
     /// Fills `sample` with different numbers below `bound`, which must be at least its length.
-    pub fn distinct(&mut self, bound: usize, sample: &mut [usize]) {
+    pub(crate) fn distinct(&mut self, bound: usize, sample: &mut [usize]) {
         for i in 0..sample.len() {
             loop {
                 let candidate = self.below(bound);

@@ -5,8 +5,8 @@
 //! them apart, so that this step, not the minimal solver, decides the pose.
 
 use crate::decompose::{Motion, nearest_rotation};
-use crate::points::Pairs;
-use crate::sampson::{Block, LANES, Tangent, essential_derivatives, linearise, tangent_axes};
+use crate::points::{LANES, Pairs};
+use crate::sampson::{Block, Tangent, essential_derivatives, linearise, tangent_axes};
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 
 /// What a residual costs.
@@ -203,7 +203,7 @@ fn solve(normal: &Normal, damping: f64) -> Option<Tangent> {
 
 /// What the residuals at a motion say about its accuracy.
 #[derive(Debug, Clone, Copy)]
-pub struct Uncertainty {
+pub(crate) struct Uncertainty {
     /// Covariance of the five components (rotation in B, radians; direction in the axes of [`tangent_axes`], radians).
     pub covariance: SMatrix<f64, 5, 5>,
     /// Root mean square of the residuals below the cutoff.
@@ -216,7 +216,12 @@ pub struct Uncertainty {
 /// Infinite on the diagonal where the normal matrix is singular.
 /// # Source
 /// Huber 1981, "Robust Statistics", §7.6.
-pub fn uncertainty(pairs: &Pairs, motion: &Motion, scale_squared: f64, cutoff_squared: f64) -> Uncertainty {
+pub(crate) fn uncertainty(
+    pairs: &Pairs,
+    motion: &Motion,
+    scale_squared: f64,
+    cutoff_squared: f64,
+) -> Uncertainty {
     let mut information = SMatrix::<f64, 5, 5>::zeros();
     let (mut n, mut psi_squared, mut psi_slope, mut squares) = (0.0, 0.0, 0.0, 0.0);
     for_blocks(pairs, motion, |block, valid| {

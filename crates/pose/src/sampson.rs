@@ -7,11 +7,8 @@
 //! Hartley, Zisserman 2004, "Multiple View Geometry", §11.4.3.
 
 use crate::decompose::Motion;
-use crate::points::Pairs;
+use crate::points::{LANES, Pairs};
 use nalgebra::{Matrix3, SMatrix, Vector3};
-
-/// Matches that one pass of the vector loops takes together.
-pub const LANES: usize = 8;
 
 /// Signed Sampson distance on the plane `z = 1`.
 pub fn distance(e: &Matrix3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {

@@ -4,7 +4,7 @@
 pub type Rgb = [u8; 3];
 
 /// The truth, in profiles.
-pub const TRUTH: Rgb = [204, 32, 32];
+pub(crate) const TRUTH: Rgb = [204, 32, 32];
 /// A prediction, in profiles.
 pub const PREDICTION: Rgb = [139, 90, 43];
 /// Points of view 1, matches that are refused.
@@ -12,7 +12,7 @@ pub const VIEW_1: Rgb = [220, 50, 47];
 /// Points of view 2, matches that agree.
 pub const VIEW_2: Rgb = [38, 160, 65];
 /// Rules, ideals, whatever stays in the background.
-pub const QUIET: Rgb = [130, 130, 138];
+pub(crate) const QUIET: Rgb = [130, 130, 138];
 
 /// Colours that the colour-blind can tell apart, after Okabe and Ito 2008, black left out.
 const SERIES: [Rgb; 7] = [
@@ -31,6 +31,6 @@ pub fn series(index: usize) -> Rgb {
 }
 
 /// As `#rrggbb`.
-pub fn hex([red, green, blue]: Rgb) -> String {
+pub(crate) fn hex([red, green, blue]: Rgb) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }

@@ -4,17 +4,17 @@
 //! opens from disk, prints, and can be sent as one file.
 #![forbid(unsafe_code)]
 
-pub mod base64;
+mod base64;
 pub mod chart;
 pub mod color;
-pub mod escape;
+mod escape;
 pub mod figure;
 pub mod number;
-pub mod page;
-pub mod points;
-pub mod table;
+mod page;
+mod points;
+mod table;
 
-pub use chart::{Axis, Chart, Scale};
+pub use chart::{Axis, Chart};
 pub use figure::{Figure, Picture};
 pub use page::Page;
 pub use points::{Point, PointView};

@@ -9,14 +9,12 @@ use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
-use selenograph_evaluate::figures::ItemFigures;
 use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::pair_metrics::Promise;
 use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
-use selenograph_evaluate::summary::page::{self, Contents};
-use selenograph_evaluate::summary::{MethodLines, Results, summary_json};
-use selenograph_evaluate::{plots, worst};
+use selenograph_evaluate::summary::{Contents, MethodLines, Results, page, summary_json};
+use selenograph_evaluate::{ItemFigures, plots, worst};
 use selenograph_network::Checkpoint;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use std::path::Path;
@@ -75,7 +73,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
         network: network.as_ref().map(|network| network.record().clone()),
         ..Settings::default()
     };
-    let (outcome, lines) = evaluate(&source, &settings, network.as_ref(), args, ui)?;
+    let (completed, lines) = evaluate(&source, &settings, network.as_ref(), args, ui)?;
     let methods: Vec<MethodLines> = methods
         .into_iter()
         .zip(lines)
@@ -83,19 +81,20 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
         .collect();
     let results = ui.timed("tables", || Results::new(&methods));
     results.write(&args.target.out.join("tables"))?;
-    let summary = summary_json(&source, &outcome, &methods);
+    let summary = summary_json(&source, &completed, &methods);
     write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
     ui.timed("figures and report", || {
-        write_report(&source, &outcome, &methods, &results, network.as_ref(), args, ui)
+        write_report(&source, &completed, &methods, &results, network.as_ref(), args, ui)
     })?;
-    let outcome = if outcome.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(outcome.skipped) };
+    let outcome =
+        if completed.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(completed.skipped) };
     Ok(Some(Scores { results, summary, outcome }))
 }
 
 /// Plots, figures, and the page that shows them.
 fn write_report(
     source: &Source,
-    outcome: &run::Outcome,
+    completed: &run::Completed,
     methods: &[MethodLines],
     results: &Results,
     network: Option<&Network>,
@@ -103,7 +102,7 @@ fn write_report(
     ui: &Ui,
 ) -> anyhow::Result<()> {
     let out = &args.target.out;
-    let plots = plots::plots(methods);
+    let plots = plots(methods);
     std::fs::create_dir_all(out.join("plots"))
         .with_context(|| format!("cannot make the folder `{}`", out.join("plots").display()))?;
     for plot in &plots {
@@ -111,7 +110,7 @@ fn write_report(
     }
     let ranked = methods.iter().find(|m| m.method.promise() != Promise::Pose && m.method.looks_at_pictures());
     let worst_items: Vec<Item> = ranked
-        .map(|m| worst::worst(m).iter().map(|w| Item::of(w.line, vec![m.method])).collect())
+        .map(|m| worst(m).iter().map(|w| Item::of(w.line, vec![m.method])).collect())
         .unwrap_or_default();
     let all: Vec<Method> = methods.iter().map(|m| m.method).collect();
     let of_pairs: Vec<Item> = if args.figures { one_per_pair(methods, &all) } else { Vec::new() };
@@ -132,8 +131,8 @@ fn write_report(
     let (worst, figures) = (draw(&worst_items, "worst")?, draw(&of_pairs, "figures")?);
     bar.finish_and_clear();
     let contents =
-        Contents { source, outcome, methods, results, plots: &plots, worst: &worst, figures: &figures };
-    write(&out.join("report.html"), &page::page(&contents)?)
+        Contents { source, completed, methods, results, plots: &plots, worst: &worst, figures: &figures };
+    write(&out.join("report.html"), &page(&contents)?)
 }
 
 /// An item to draw, and whose answers.
@@ -226,7 +225,7 @@ fn evaluate(
     network: Option<&Network>,
     args: &Evaluate,
     ui: &Ui,
-) -> anyhow::Result<(run::Outcome, Vec<Vec<run::Line>>)> {
+) -> anyhow::Result<(run::Completed, Vec<Vec<run::Line>>)> {
     let bar = ui.bar((source.num_items() * settings.methods.len()) as u64, "items");
     let start = Instant::now();
     let tell = |progress: Progress| {
@@ -245,22 +244,22 @@ fn evaluate(
         clock: &|| start.elapsed().as_secs_f64(),
         network,
     };
-    let (outcome, lines) = ui.timed("evaluate", || run::evaluate(source, settings, &options))?;
+    let (completed, lines) = ui.timed("evaluate", || run::evaluate(source, settings, &options))?;
     bar.finish_and_clear();
     let times: Vec<String> = settings
         .methods
         .iter()
-        .zip(&outcome.seconds_per_item)
+        .zip(&completed.seconds_per_item)
         .filter_map(|(method, seconds)| Some(format!("{} {:.2} s", method.as_str(), (*seconds)?)))
         .collect();
     let times = if times.is_empty() { String::new() } else { format!("; an item: {}", times.join(", ")) };
     ui.note(&format!(
         "{} pairs, {} items, {} of them there already, {} left out; {:.1} s{times}",
         source.entries.len(),
-        outcome.num_items,
-        outcome.num_resumed,
-        outcome.skipped.len(),
+        completed.num_items,
+        completed.num_resumed,
+        completed.skipped.len(),
         start.elapsed().as_secs_f64()
     ));
-    Ok((outcome, lines))
+    Ok((completed, lines))
 }

@@ -4,7 +4,7 @@ use crate::campaign::with_terrain;
 use crate::evaluate::lines;
 use crate::program::Place;
 use selenograph_evaluate::dataset_source::{Choice, LoadedPair, Source};
-use selenograph_evaluate::pair_metrics::{Promise, Reference, Settings};
+use selenograph_evaluate::pair_metrics::{PreparedTruth, Promise, Settings};
 use selenograph_geometry::{Point3, Rigid3, Rotation3};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::npz::{self, Array};
@@ -31,8 +31,10 @@ fn points(arrays: &BTreeMap<String, Array>, view: &str) -> PredictedView {
     let array = |name: &str| &arrays[&format!("{name}_{view}")];
     let numbers = |name: &str| array(name).to_f64().unwrap();
     let &[height, width] = array("conf").shape.as_slice() else { panic!("{:?}", array("conf").shape) };
-    let raster = |name: &str| {
-        Raster { width, height, data: numbers(name).into_iter().map(|v| v as f32).collect::<Vec<_>>() }
+    let raster = |name: &str| Raster {
+        width,
+        height,
+        data: numbers(name).into_iter().map(|v| v as f32).collect::<Vec<_>>(),
     };
     let xyz = numbers("pts3d");
     let fills = numbers("fill").into_iter().map(|fill| match fill as u8 {
@@ -86,7 +88,7 @@ fn what_is_scored_is_what_ships() {
     place.run("evaluate dataset -m stereo,mast3r-stereo --limit 1 --out scores -q").ok();
     let source = Source::open(&place.path("dataset"), &Choice::default()).unwrap();
     let pair = LoadedPair::read(&source.entries[0], &source.pixels).unwrap();
-    let truth = Reference::new(&pair.geometry.truth(), &Settings::default()).unwrap();
+    let truth = PreparedTruth::new(&pair.geometry.truth(), &Settings::default()).unwrap();
     let folder = "dataset/pairs/000/000000";
     for method in ["stereo", "mast3r-stereo"] {
         let scored = lines(&place.path(&format!("scores/{method}/metrics.jsonl")));

@@ -188,7 +188,7 @@ fn read_view(
         (triplets.iter().find_map(|t| t.exr.as_ref()), triplets.iter().find_map(|t| t.npz.as_ref()))
     else {
         let place = PathBuf::from(stem(first));
-        return Err(unexpected(&place, "an .exr and an .npz under at least one light", "none"));
+        return Err(Error::NoTruth { path: place, expected: "an .exr and an .npz under at least one light" });
     };
     let raw = read_raw_view(exr, npz, k_convention)?;
     let mut images = Vec::new();

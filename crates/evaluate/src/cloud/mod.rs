@@ -1,6 +1,6 @@
 //! Distances between two clouds: accuracy, completeness, Chamfer.
 
-pub mod tree;
+pub(crate) mod tree;
 
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -56,11 +56,6 @@ impl Cloud {
             })
             .collect();
         Some(distances.iter().sum::<f64>() / distances.len() as f64)
-    }
-
-    /// The tree over the points.
-    pub fn tree(&self) -> &Tree {
-        &self.tree
     }
 }
 

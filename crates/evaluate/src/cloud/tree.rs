@@ -89,16 +89,6 @@ impl Tree {
         Self { items, cuts, extents, levels }
     }
 
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.items.len()
-    }
-
-    /// Whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.items.is_empty()
-    }
-
     /// Squared distance to the nearest point, or `bound` if none is nearer than that.
     pub fn nearest_squared(&self, to: &Point3<f64>, bound: f64) -> f64 {
         let mut best = bound;
@@ -242,7 +232,7 @@ mod tests {
         for (count, step) in [(1, 0.0), (15, 0.0), (17, 0.1), (1000, 0.0), (1000, 0.25), (500, 10.0)] {
             let points = cloud(count, step);
             let tree = Tree::new(&points);
-            assert_eq!((tree.len(), tree.is_empty()), (count, false));
+            assert_eq!(tree.items.len(), count);
             let mut found = Vec::new();
             for to in cloud(60, 0.0).iter().map(|p| p + nalgebra::Vector3::new(0.01, -0.3, 0.1)) {
                 let expected = brute(&points, &to);
@@ -264,7 +254,7 @@ mod tests {
         let tree = Tree::new(&[]);
         let mut found = Vec::new();
         tree.nearest(&Point3::origin(), 3, &mut found);
-        assert!(tree.is_empty() && found.is_empty());
+        assert!(tree.items.is_empty() && found.is_empty());
         assert_eq!(tree.nearest_squared(&Point3::origin(), f64::INFINITY), f64::INFINITY);
     }
 }

@@ -58,11 +58,8 @@ impl Geometry {
         let [a, b] = raws;
         for raw in raws {
             if !raw.depth_z.data.iter().any(|z| z.is_finite() && *z > 0.0) {
-                return Err(Error::Format {
-                    path: raw.path.clone(),
-                    expected: "depth in at least one pixel".into(),
-                    found: "none".into(),
-                });
+                let expected = "depth in at least one pixel";
+                return Err(selenograph_dataset::Error::NoTruth { path: raw.path.clone(), expected }.into());
             }
         }
         let as_nan =
@@ -276,11 +273,8 @@ fn read_triplet_view(
     let first = |pick: fn(&Triplet) -> Option<&PathBuf>| triplets().find_map(pick);
     let (Some(exr), Some(npz)) = (first(|t| t.exr.as_ref()), first(|t| t.npz.as_ref())) else {
         let stem = stereolunar::stem(2 * stereolunar::LIGHTS_PER_PAIR * pair.pair_id + view_idx as u64);
-        return Err(Error::Format {
-            path: scene.join(stem),
-            expected: "an .exr and an .npz under at least one light".into(),
-            found: "none".into(),
-        });
+        let expected = "an .exr and an .npz under at least one light";
+        return Err(selenograph_dataset::Error::NoTruth { path: scene.join(stem), expected }.into());
     };
     let raw = stereolunar::read_raw_view(exr, npz, pixels.k_convention)?;
     let bytes = |path: &Path| std::fs::read(path).map_err(Error::io("read", path));

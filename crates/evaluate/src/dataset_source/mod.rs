@@ -1,7 +1,7 @@
 //! What is evaluated: pairs of a dataset of ours or of the paper's triplets, as items of one light for A and one for B.
 
-pub mod half_pixel;
-pub mod load;
+mod half_pixel;
+pub(crate) mod load;
 
 pub use half_pixel::PixelFault;
 pub use load::LoadedPair;

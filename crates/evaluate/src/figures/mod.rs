@@ -9,7 +9,7 @@ use crate::aligned::AlignedPair;
 use crate::dataset_source::{LoadedPair, Source};
 use crate::method::network::{Network, Session};
 use crate::method::{Item, Method};
-use crate::pair_metrics::{self, Reference, Region};
+use crate::pair_metrics::{self, PreparedTruth, Region};
 use maps::Maps;
 use selenograph_raster::codec::png;
 use selenograph_raster::{Raster, statistics};
@@ -59,14 +59,14 @@ impl ItemFigures {
         let pair = LoadedPair::read(entry, &source.pixels)?;
         let Some(views) = pair.views(lights) else { return Ok(None) };
         let settings = pair_metrics::Settings::default();
-        let reference = Reference::new(&pair.geometry.truth(), &settings)?;
+        let prepared = PreparedTruth::new(&pair.geometry.truth(), &settings)?;
         let session = network.map(Session::new);
-        let mut drawn = vec![Drawn::of_truth(&reference)];
+        let mut drawn = vec![Drawn::of_truth(&prepared)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {
-            let item = Item { views: &views, lights, truth: reference.truth(), network: session.as_ref() };
+            let item = Item { views: &views, lights, truth: prepared.truth(), network: session.as_ref() };
             let answer = method.answer(&item)?;
-            if let Some(Ok(aligned)) = reference.align(&answer.prediction, Region::Overlap)? {
-                drawn.push(Drawn::of_answer(method.as_str(), &aligned, &reference));
+            if let Some(Ok(aligned)) = prepared.align(&answer.prediction, Region::Overlap)? {
+                drawn.push(Drawn::of_answer(method.as_str(), &aligned, &prepared));
             }
         }
         let grey = views.map(|view| maps::grey(&view.image));
@@ -113,17 +113,17 @@ impl ItemFigures {
 }
 
 impl Drawn {
-    fn of_truth(reference: &Reference) -> Self {
-        let points = reference.points_in_cam_a();
+    fn of_truth(prepared: &PreparedTruth) -> Self {
+        let points = prepared.points_in_cam_a();
         let aligned = AlignedPair { alignment: None, points_in_cam_a: points.clone() };
-        Self::of_answer("truth", &aligned, reference)
+        Self::of_answer("truth", &aligned, prepared)
     }
 
-    fn of_answer(name: &'static str, aligned: &AlignedPair, reference: &Reference) -> Self {
-        let world_from_cam_a = reference.truth().world_from_cam_a();
+    fn of_answer(name: &'static str, aligned: &AlignedPair, prepared: &PreparedTruth) -> Self {
+        let world_from_cam_a = prepared.truth().world_from_cam_a();
         Self {
             name,
-            maps: Maps::new(aligned, reference.truth()),
+            maps: Maps::new(aligned, prepared.truth()),
             cloud: cloud::picture(&aligned.points_in_cam_a, &world_from_cam_a),
         }
     }

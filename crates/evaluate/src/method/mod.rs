@@ -132,7 +132,7 @@ impl Method {
         let nearest = known
             .iter()
             .copied()
-            .map(|other| (edit_distance(&typed, other), other))
+            .map(|other| (strsim::levenshtein(&typed, other), other))
             .min()
             .filter(|(distance, other)| *distance <= 2 && *distance < other.len());
         Err(Error::UnknownMethod {
@@ -173,22 +173,6 @@ pub struct Item<'a> {
     pub network: Option<&'a network::Session<'a>>,
 }
 
-/// Insertions, deletions and replacements that turn one word into another (Levenshtein).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, to) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(from != *to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -201,6 +185,5 @@ mod tests {
         let hint = |name: &str| Method::from_name(name).unwrap_err().hint().unwrap();
         assert_eq!(hint("plain"), "did you mean `plane`?");
         assert!(hint("colmap").contains("--help"));
-        assert_eq!((edit_distance("kitten", "sitting"), edit_distance("", "abc")), (3, 3));
     }
 }

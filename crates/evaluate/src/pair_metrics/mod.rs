@@ -1,12 +1,15 @@
 //! Every metric of one pair: a prediction against the truth.
 
-pub mod definitions;
-pub mod reference;
+mod definitions;
+mod measure;
+mod measured;
+mod prepared;
 mod region;
 mod surface;
 
 pub use definitions::{Better, Definition, PairNumbers, RegionNumbers, Scope, definition, definitions};
-pub use reference::{Reference, measure};
+pub use measure::measure;
+pub use prepared::PreparedTruth;
 
 use crate::calibration::{Reliability, Sparsification};
 use serde::{Deserialize, Serialize};

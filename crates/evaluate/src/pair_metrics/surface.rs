@@ -9,11 +9,17 @@ use selenograph_raster::Raster;
 /// How far the mask of footprint slopes is eroded, pixels.
 const ERODED_PX: usize = 4;
 
+/// Places of the definitions of slope: `slope_corr_code`, `_gsd`, `_normals`, `_true`.
+pub(super) const CODE: usize = 0;
+pub(super) const GSD: usize = 1;
+pub(super) const NORMALS: usize = 2;
+pub(super) const TRUE: usize = 3;
+
 /// World Z and slopes, radians; NaN where absent.
 #[derive(Debug, Clone)]
 pub(super) struct Surface {
     pub world_z_m: Raster<f64>,
-    /// In the order of `slope_corr_code`, `_gsd`, `_normals`, `_true`.
+    /// By [`CODE`], [`GSD`], [`NORMALS`], [`TRUE`].
     pub slopes: [Raster<f64>; 4],
 }
 
@@ -52,7 +58,7 @@ impl Surface {
             .collect();
         let eroded = erode(&Raster { width: mask.width, height: mask.height, data: present }, ERODED_PX);
         let agreements: [Option<Agreement>; 4] = std::array::from_fn(|kind| {
-            let mask = if kind == 1 { &eroded } else { mask };
+            let mask = if kind == GSD { &eroded } else { mask };
             Agreement::of(masked(&self.slopes[kind], &truth.slopes[kind], mask))
         });
         SlopeScores {

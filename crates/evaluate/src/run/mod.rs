@@ -1,51 +1,26 @@
 //! The evaluation itself: every item of every method, once, in an order that depends on nothing; stopped and gone on with.
 
-pub mod lines;
-pub mod record;
+pub(crate) mod lines;
+mod options;
+mod record;
 mod work;
 
-pub use lines::{Line, METRICS_NAME};
-pub use record::{Existing, Outcome, Settings};
+pub use lines::Line;
+pub use options::{Progress, RunOptions};
+pub use record::{Completed, Existing, Settings};
 
 use crate::Error;
 use crate::dataset_source::Source;
 use crate::method::Method;
-use crate::method::network::Network;
-use lines::{Appender, read_mended};
-use std::collections::{BTreeMap, BTreeSet};
+use lines::{Appender, METRICS_NAME, read_mended};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-
-/// How to run.
-pub struct RunOptions<'a> {
-    /// The folder to write.
-    pub out: &'a Path,
-    /// What to do with what is there.
-    pub existing: Existing,
-    /// When the run began, for the record.
-    pub started: Option<String>,
-    /// Told after every pair.
-    pub progress: &'a (dyn Fn(Progress) + Sync),
-    /// Seconds since any fixed moment: libraries do not read the clock.
-    pub clock: &'a (dyn Fn() -> f64 + Sync),
-    /// The network of the method that needs one; its record is in the settings.
-    pub network: Option<&'a Network>,
-}
-
-/// How far it is, in items of all methods.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
-    /// Computed in this run or left out.
-    pub num_done: usize,
-    /// Found in the files.
-    pub num_resumed: usize,
-    /// All.
-    pub num_items: usize,
-}
+use work::{Done, PairResult};
 
 /// Where the lines of a method are: in the folder itself if it is the only one, else in a folder of its name.
-pub fn metrics_path(out: &Path, methods: &[Method], method: Method) -> PathBuf {
+fn metrics_path(out: &Path, methods: &[Method], method: Method) -> PathBuf {
     match methods {
         [_] => out.join(METRICS_NAME),
         _ => out.join(method.as_str()).join(METRICS_NAME),
@@ -59,12 +34,12 @@ pub fn metrics_path(out: &Path, methods: &[Method], method: Method) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::NoNetwork`] for a method that needs one; [`Error::OtherEvaluation`] for a folder of something else, [`Error::NoTruth`] and [`Error::NoPairs`] if not one pair can be
-/// evaluated, [`Error::Io`] in writing. Pairs that are broken are in the outcome.
+/// evaluated, [`Error::Io`] in writing. Pairs that are broken are in the completed.
 pub fn evaluate(
     source: &Source,
     settings: &Settings,
     options: &RunOptions<'_>,
-) -> Result<(Outcome, Vec<Vec<Line>>), Error> {
+) -> Result<(Completed, Vec<Vec<Line>>), Error> {
     if options.network.is_none() && settings.methods.iter().any(|method| method.needs_network()) {
         return Err(Error::NoNetwork);
     }
@@ -75,25 +50,15 @@ pub fn evaluate(
     record::write(options.out, settings, source, options.started.as_deref(), None)?;
     let done: Vec<Done> = found.iter().map(|lines| lines.iter().map(Line::key).collect()).collect();
     let results = run_pairs(source, settings, options, &paths, &done)?;
-    let (outcome, lines) = gather(source, settings, found, results);
+    let all_lack_truth = source.broken.is_empty() && results.iter().all(|result| result.lacks_truth);
+    let (completed, lines) = gather(source, settings, found, results);
     if lines.iter().all(Vec::is_empty) {
         // Nothing was measured: the folder goes, so that the next attempt does not find it in its way.
         let _ = std::fs::remove_dir_all(options.out);
-        return Err(nothing_measured(source, &outcome));
+        return Err(nothing_measured(source, &completed, all_lack_truth));
     }
-    record::write(options.out, settings, source, options.started.as_deref(), Some(&outcome))?;
-    Ok((outcome, lines))
-}
-
-/// Keys of the items that are in a file.
-type Done = BTreeSet<(String, u64, u64)>;
-
-/// What one pair gave: new lines and seconds of each method, and what was left out.
-#[derive(Debug, Default)]
-struct PairResult {
-    lines: Vec<Vec<Line>>,
-    seconds: Vec<f64>,
-    skipped: Vec<String>,
+    record::write(options.out, settings, source, options.started.as_deref(), Some(&completed))?;
+    Ok((completed, lines))
 }
 
 /// Results in the order of the pairs, written as soon as all earlier ones are.
@@ -192,10 +157,10 @@ fn gather(
     settings: &Settings,
     found: Vec<Vec<Line>>,
     results: Vec<PairResult>,
-) -> (Outcome, Vec<Vec<Line>>) {
-    let mut outcome = Outcome {
+) -> (Completed, Vec<Vec<Line>>) {
+    let mut completed = Completed {
         skipped: source.broken.iter().map(|(name, reason)| format!("{name}: {reason}")).collect(),
-        ..Outcome::default()
+        ..Completed::default()
     };
     let mut by_key: Vec<BTreeMap<(String, u64, u64), Line>> =
         found.into_iter().map(|lines| lines.into_iter().map(|line| (line.key(), line)).collect()).collect();
@@ -207,9 +172,9 @@ fn gather(
             seconds[method_idx].1 += lines.len();
             by_key[method_idx].extend(lines.into_iter().map(|line| (line.key(), line)));
         }
-        outcome.skipped.extend(result.skipped);
+        completed.skipped.extend(result.skipped);
     }
-    outcome.seconds_per_item =
+    completed.seconds_per_item =
         seconds.into_iter().map(|(sum, count)| (count > 0).then(|| sum / count as f64)).collect();
     let mut all = Vec::new();
     for (lines, resumed) in by_key.iter_mut().zip(&resumed) {
@@ -217,22 +182,21 @@ fn gather(
         for entry in &source.entries {
             for [a, b] in &entry.lights {
                 let key = (entry.name.clone(), *a, *b);
-                outcome.num_resumed += usize::from(resumed.contains(&key));
+                completed.num_resumed += usize::from(resumed.contains(&key));
                 chosen.extend(lines.remove(&key));
             }
         }
-        outcome.num_items += chosen.len();
+        completed.num_items += chosen.len();
         all.push(chosen);
     }
-    (outcome, all)
+    (completed, all)
 }
 
 /// Why not one item could be measured.
-fn nothing_measured(source: &Source, outcome: &Outcome) -> Error {
+fn nothing_measured(source: &Source, completed: &Completed, all_lack_truth: bool) -> Error {
     let path = source.root.clone();
-    let found = outcome.skipped.first().cloned().unwrap_or_else(|| "no reason".into());
-    let lacks_truth = |reason: &String| reason.contains(".exr") || reason.contains("depth in at least");
-    if outcome.skipped.iter().all(lacks_truth) {
+    let found = completed.skipped.first().cloned().unwrap_or_else(|| "no reason".into());
+    if all_lack_truth {
         Error::NoTruth { path, found }
     } else {
         Error::NoPairs { path, why: format!("every one is broken, the first: {found}") }

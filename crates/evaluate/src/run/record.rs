@@ -59,7 +59,7 @@ impl Default for Settings {
 
 /// What an evaluation has done.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Outcome {
+pub struct Completed {
     /// Items of all methods in the files now.
     pub num_items: usize,
     /// Those that were there already.
@@ -174,7 +174,7 @@ fn found_in(out: &Path) -> Option<Found> {
     toml::from_str::<Found>(&text).ok().filter(|found| found.evaluated.is_some())
 }
 
-/// Writes `run.toml`, before the work (without an outcome) and after it.
+/// Writes `run.toml`, before the work (without a result) and after it.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be written.
@@ -183,15 +183,15 @@ pub fn write(
     settings: &Settings,
     source: &Source,
     started: Option<&str>,
-    outcome: Option<&Outcome>,
+    completed: Option<&Completed>,
 ) -> Result<(), Error> {
     let path = out.join(RUN_NAME);
-    let result = outcome.map(|outcome| {
-        let times = settings.methods.iter().zip(&outcome.seconds_per_item);
+    let result = completed.map(|completed| {
+        let times = settings.methods.iter().zip(&completed.seconds_per_item);
         ResultRecord {
-            num_items: outcome.num_items,
-            num_resumed: outcome.num_resumed,
-            skipped: &outcome.skipped,
+            num_items: completed.num_items,
+            num_resumed: completed.num_resumed,
+            skipped: &completed.skipped,
             seconds_per_item: times.filter_map(|(m, s)| Some((m.as_str(), (*s)?))).collect(),
         }
     });

@@ -1,13 +1,29 @@
 //! One pair: read once, its truth prepared once, every method and light measured.
 
-use super::{Done, Line, PairResult, RunOptions, Settings};
+use super::lines::Line;
+use super::options::RunOptions;
+use super::record::Settings;
 use crate::Error;
 use crate::dataset_source::load::ItemRecord;
 use crate::dataset_source::{Entry, LoadedPair, Source};
 use crate::method::network::Session;
 use crate::method::{Answer, Item, Method};
-use crate::pair_metrics::{PairMetrics, Promise, Reference};
+use crate::pair_metrics::{PairMetrics, PreparedTruth, Promise};
 use selenograph_reconstruct::{Prediction, View};
+use std::collections::BTreeSet;
+
+/// Keys of the items that are in a file.
+pub type Done = BTreeSet<(String, u64, u64)>;
+
+/// What one pair gave: new lines and seconds of each method, and what was left out.
+#[derive(Debug, Default)]
+pub struct PairResult {
+    pub lines: Vec<Vec<Line>>,
+    pub seconds: Vec<f64>,
+    pub skipped: Vec<String>,
+    /// Whether it was skipped because it has no truth.
+    pub lacks_truth: bool,
+}
 
 /// Evaluates what is missing of a pair; also returns how many items it tried.
 pub fn evaluate_pair(
@@ -39,6 +55,7 @@ pub fn evaluate_pair(
         if let Err(error) = measured() {
             // What one method has measured of a pair is not kept without the others: they are compared on the same items.
             result.lines.clear();
+            result.lacks_truth = result.skipped.is_empty() && error.lacks_truth();
             result.skipped.push(format!("{}: {error}", entry.name));
         }
     }
@@ -47,9 +64,9 @@ pub fn evaluate_pair(
 }
 
 /// The truth made ready, in full and in the reference protocol's rows.
-struct References {
-    full: Reference,
-    rows: Option<Reference>,
+struct Truths {
+    full: PreparedTruth,
+    rows: Option<PreparedTruth>,
 }
 
 fn measure_pair(
@@ -61,9 +78,9 @@ fn measure_pair(
     result: &mut PairResult,
 ) -> Result<(), Error> {
     let truth = pair.geometry.truth();
-    let references = References {
-        full: Reference::new(&truth, &settings.metrics)?,
-        rows: settings.reference_frame.as_ref().map(|rows| Reference::new(&truth, rows)).transpose()?,
+    let truths = Truths {
+        full: PreparedTruth::new(&truth, &settings.metrics)?,
+        rows: settings.reference_frame.as_ref().map(|rows| PreparedTruth::new(&truth, rows)).transpose()?,
     };
     let session = options.network.map(Session::new);
     result.lines = vec![Vec::new(); settings.methods.len()];
@@ -78,7 +95,7 @@ fn measure_pair(
             let line = match result.lines[n].first() {
                 // An anchor says the same under every light.
                 Some(line) if !method.looks_at_pictures() => Line { item: item.clone(), ..line.clone() },
-                _ => measure_item(method, item.clone(), &views, &references, session.as_ref())?,
+                _ => measure_item(method, item.clone(), &views, &truths, session.as_ref())?,
             };
             result.lines[n].push(line);
             result.seconds[n] += (options.clock)() - start;
@@ -91,20 +108,20 @@ fn measure_item(
     method: Method,
     item: ItemRecord,
     views: &[View; 2],
-    references: &References,
+    truths: &Truths,
     network: Option<&Session<'_>>,
 ) -> Result<Line, Error> {
     let lights = [item.light_a, item.light_b];
-    let answer = method.answer(&Item { views, lights, truth: references.full.truth(), network })?;
-    let metrics = references.full.measure(&answer.prediction, method.promise())?;
+    let answer = method.answer(&Item { views, lights, truth: truths.full.truth(), network })?;
+    let metrics = truths.full.measure(&answer.prediction, method.promise())?;
     let in_rows =
-        references.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;
+        truths.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;
     let cannot_say = answer.prediction.cam_b_from_cam_a.as_ref().err().map(ToString::to_string);
     Ok(Line { method: method.as_str().into(), item, cannot_say, metrics, reference_frame: in_rows })
 }
 
 /// The reference protocol: the pose estimated from the central rows with its settings, the points inside them.
-fn measure_rows(rows: &Reference, answer: &Answer, promise: Promise) -> Result<PairMetrics, Error> {
+fn measure_rows(rows: &PreparedTruth, answer: &Answer, promise: Promise) -> Result<PairMetrics, Error> {
     let prediction = match &answer.reference_pose {
         Some(pose) => Prediction { cam_b_from_cam_a: pose.clone(), ..answer.prediction.clone() },
         None => answer.prediction.clone(),

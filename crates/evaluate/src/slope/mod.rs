@@ -1,6 +1,6 @@
 //! Slopes of a pointmap in four definitions: the authors' code, over the footprint, from neighbours, and true.
 
-pub mod neighbour_normals;
+pub(crate) mod neighbour_normals;
 
 use crate::pose_error::angle_rad;
 use nalgebra::{Point3, Vector3};

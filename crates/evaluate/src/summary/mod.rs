@@ -1,13 +1,15 @@
 //! Lines of an evaluation become numbers: what is taken of a line, and which lines belong together.
 
-pub mod classes;
-pub mod page;
-pub mod quantity;
-pub mod results;
+pub(crate) mod classes;
+mod page;
+mod quantity;
+mod results;
 
-pub use classes::Breakdown;
-pub use quantity::{Failures, Frame, PoseAngle, Quantity};
+pub use page::{Contents, page};
 pub use results::{Results, summary_json};
+
+pub(crate) use classes::Breakdown;
+pub(crate) use quantity::{Failures, Frame, PoseAngle, Quantity};
 
 use crate::bootstrap::{Estimate, estimate};
 use crate::method::Method;
@@ -25,7 +27,10 @@ pub struct MethodLines {
 }
 
 /// A quantity over lines, with its interval over geometries; `None` where no line has it.
-pub fn estimate_of<'a>(lines: impl IntoIterator<Item = &'a Line>, quantity: &Quantity) -> Option<Estimate> {
+pub(crate) fn estimate_of<'a>(
+    lines: impl IntoIterator<Item = &'a Line>,
+    quantity: &Quantity,
+) -> Option<Estimate> {
     let mut groups: std::collections::BTreeMap<&str, Vec<f64>> = std::collections::BTreeMap::new();
     for line in lines {
         if let Some(value) = quantity.of(line) {

@@ -5,8 +5,8 @@ use crate::Error;
 use crate::dataset_source::Source;
 use crate::figures::ItemFigures;
 use crate::plots::Plot;
-use crate::run::Outcome;
-use crate::table::render::marks;
+use crate::run::Completed;
+use crate::table::marks;
 use crate::worst::{failures, item_name, worst};
 use selenograph_report::{Cell, Column, Figure, Page, Table, number};
 
@@ -18,7 +18,7 @@ pub struct Contents<'a> {
     /// What was evaluated.
     pub source: &'a Source,
     /// What was done.
-    pub outcome: &'a Outcome,
+    pub completed: &'a Completed,
     /// The lines.
     pub methods: &'a [MethodLines],
     /// The tables.
@@ -36,15 +36,15 @@ pub struct Contents<'a> {
 /// # Errors
 /// [`Error::Report`] if a table cannot be put together.
 pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
-    let Contents { source, outcome, methods, results, plots, .. } = contents;
+    let Contents { source, completed, methods, results, plots, .. } = contents;
     let name = source.root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let mut page = Page::new(format!("Evaluation of {name}"));
     page.lead(&format!(
         "{} pairs, {} items of {} methods; {} left out.",
         source.entries.len(),
-        outcome.num_items,
+        completed.num_items,
         methods.len(),
-        outcome.skipped.len()
+        completed.skipped.len()
     ));
     page.section("Methods");
     page.table(&methods_table(contents)?);
@@ -80,7 +80,7 @@ fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
         Column::number("s per item"),
     ];
     let mut table = Table::new("", columns);
-    for (method, seconds) in contents.methods.iter().zip(&contents.outcome.seconds_per_item) {
+    for (method, seconds) in contents.methods.iter().zip(&contents.completed.seconds_per_item) {
         let seconds = seconds.map_or("–".into(), |seconds| number::significant(seconds, 3));
         let cells: [String; 4] =
             [method.method.as_str().into(), method.settings.clone(), method.lines.len().to_string(), seconds];
@@ -154,6 +154,6 @@ fn add_failures(page: &mut Page, contents: &Contents<'_>) {
         ));
         list(page, &failed);
     }
-    page.heading(&format!("{} left out", contents.outcome.skipped.len()));
-    list(page, &contents.outcome.skipped);
+    page.heading(&format!("{} left out", contents.completed.skipped.len()));
+    list(page, &contents.completed.skipped);
 }

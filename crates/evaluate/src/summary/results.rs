@@ -5,7 +5,7 @@ use crate::Error;
 use crate::bootstrap::Estimate;
 use crate::dataset_source::Source;
 use crate::pair_metrics::{Region, Scope, definitions};
-use crate::run::Outcome;
+use crate::run::Completed;
 use crate::summary::classes::has_an_answer;
 use crate::table::{Table, specs};
 use serde_json::{Map, Value, json};
@@ -79,11 +79,11 @@ impl Results {
 }
 
 /// Every mean of every method and trajectory, with what was left out: `summary.json`.
-pub fn summary_json(source: &Source, outcome: &Outcome, methods: &[MethodLines]) -> Value {
+pub fn summary_json(source: &Source, completed: &Completed, methods: &[MethodLines]) -> Value {
     let name = source.root.file_name().map(|name| name.to_string_lossy().into_owned());
     let of_methods: Map<String, Value> = methods
         .iter()
-        .zip(&outcome.seconds_per_item)
+        .zip(&completed.seconds_per_item)
         .map(|(method, seconds)| {
             let mut classes: Map<String, Value> = Breakdown::Trajectory
                 .split(&method.lines)
@@ -105,10 +105,10 @@ pub fn summary_json(source: &Source, outcome: &Outcome, methods: &[MethodLines])
         .collect();
     json!({
         "dataset": name,
-        "num_items": outcome.num_items,
-        "num_resumed": outcome.num_resumed,
+        "num_items": completed.num_items,
+        "num_resumed": completed.num_resumed,
         "half_pixel": source.pixels.told,
-        "skipped": outcome.skipped,
+        "skipped": completed.skipped,
         "methods": of_methods,
         "definitions": used,
     })

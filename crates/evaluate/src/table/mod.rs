@@ -1,62 +1,17 @@
 //! Tables: classes of items in groups of rows, methods as rows, quantities as columns; anchors and published numbers beside.
 
-pub mod render;
-pub mod specs;
+mod render;
+pub(crate) mod specs;
+
+pub(crate) use render::marks;
+pub use specs::{Column, Form, Spec};
 
 use crate::bootstrap::Estimate;
 use crate::pair_metrics::Better;
-use crate::paper::{self, Published};
 use crate::run::Line;
 use crate::summary::classes::has_an_answer;
 use crate::summary::{Breakdown, MethodLines, Quantity, estimate_of};
 use serde::Serialize;
-
-/// How a number is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// So many decimals.
-    Fixed(usize),
-    /// So many significant digits.
-    Significant(usize),
-}
-
-/// A column.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Column {
-    /// Heading without unit and arrow.
-    pub head: String,
-    /// Unit; empty for ratios.
-    pub unit: &'static str,
-    /// Which way is better.
-    pub better: Better,
-    /// Values are multiplied by this: 100 for percent.
-    pub factor: f64,
-    /// How its numbers are written.
-    pub form: Form,
-    /// What is shown.
-    pub quantity: Quantity,
-    /// What a perfect answer scores, where that is not what the definition would suggest.
-    pub anchor: Option<Quantity>,
-    /// What it means.
-    pub definition: String,
-    /// Whether the reduction against the first method is told.
-    pub has_reduction: bool,
-}
-
-/// What a table shows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Spec {
-    /// Name of its files.
-    pub id: String,
-    /// Heading.
-    pub title: String,
-    /// What the reader has to know.
-    pub notes: Vec<String>,
-    /// Its columns.
-    pub columns: Vec<Column>,
-    /// Published rows with numbers for some of its columns, by column heading.
-    pub published: &'static [Published],
-}
 
 /// What a row is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -189,7 +144,7 @@ fn class_rows(spec: &Spec, class: &str, methods: &[MethodLines], is_in: impl Fn(
         let anchors = spec.columns.iter().map(|column| column.anchor.as_ref());
         rows.push(row(class, ANCHOR_ROW, RowKind::Anchor, lines, anchors, spec));
     }
-    rows.extend(paper::rows(spec, class));
+    rows.extend(published_rows(spec, class));
     rows
 }
 
@@ -254,6 +209,28 @@ fn tell_reductions(spec: &Spec, rows: &mut [Row]) {
             }
         }
     }
+}
+
+/// The published rows of a class of a table.
+fn published_rows(spec: &Spec, class: &str) -> Vec<Row> {
+    let of_class = spec.published.iter().filter(|row| row.class == class);
+    of_class
+        .map(|row| {
+            let cells = spec.columns.iter().map(|column| {
+                let (_, value) = row.values.iter().find(|(head, _)| *head == column.head)?;
+                let estimate = Estimate { value: *value, interval: None, num_items: 0, num_geometries: 0 };
+                Some(Cell { estimate, is_best: false, reduction_pct: None })
+            });
+            Row {
+                class: class.to_owned(),
+                name: row.name.to_owned(),
+                kind: RowKind::Published,
+                num_items: 0,
+                num_geometries: 0,
+                cells: cells.collect(),
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]

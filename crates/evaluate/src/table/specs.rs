@@ -1,29 +1,72 @@
 //! The tables there are, and what stands in them.
 
-use super::{Column, Form, Spec};
-use crate::pair_metrics::{Better, Region, definition};
-use crate::paper;
+use crate::pair_metrics::{Better, Region, definition, definitions};
+use crate::paper::{self, Published};
 use crate::summary::{Failures, Frame, PoseAngle, Quantity};
+
+/// How a number is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// So many decimals.
+    Fixed(usize),
+    /// So many significant digits.
+    Significant(usize),
+}
+
+/// A column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Heading without unit and arrow.
+    pub head: String,
+    /// Unit; empty for ratios.
+    pub unit: &'static str,
+    /// Which way is better.
+    pub better: Better,
+    /// Values are multiplied by this: 100 for percent.
+    pub factor: f64,
+    /// How its numbers are written.
+    pub form: Form,
+    /// What is shown.
+    pub quantity: Quantity,
+    /// What a perfect answer scores, where that is not what the definition would suggest.
+    pub anchor: Option<Quantity>,
+    /// What it means.
+    pub definition: String,
+    /// Whether the reduction against the first method is told.
+    pub has_reduction: bool,
+}
+
+/// What a table shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spec {
+    /// Name of its files.
+    pub id: String,
+    /// Heading.
+    pub title: String,
+    /// What the reader has to know.
+    pub notes: Vec<String>,
+    /// Its columns.
+    pub columns: Vec<Column>,
+    /// Published rows with numbers for some of its columns, by column heading.
+    pub published: &'static [Published],
+}
 
 /// Thresholds of the paper's pose table, degrees.
 const THRESHOLDS_DEG: [f64; 4] = [2.0, 5.0, 15.0, 30.0];
 /// Thresholds of the areas, degrees.
 const AREAS_DEG: [f64; 3] = [5.0, 10.0, 20.0];
-/// Limits of the hazard maps, degrees, as the keys have them.
-const HAZARDS: [&str; 12] = [
-    "hazard_agree_5deg",
-    "hazard_false_alarm_5deg",
-    "hazard_miss_5deg",
-    "hazard_agree_10deg",
-    "hazard_false_alarm_10deg",
-    "hazard_miss_10deg",
-    "hazard_agree_15deg",
-    "hazard_false_alarm_15deg",
-    "hazard_miss_15deg",
-    "hazard_agree_20deg",
-    "hazard_false_alarm_20deg",
-    "hazard_miss_20deg",
-];
+const ANGLES: [PoseAngle; 2] = [PoseAngle::Rra, PoseAngle::Rta];
+
+impl Spec {
+    fn new(id: impl Into<String>, title: impl Into<String>, columns: Vec<Column>) -> Self {
+        Self { id: id.into(), title: title.into(), notes: Vec::new(), columns, published: &[] }
+    }
+
+    fn note(mut self, note: &str) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+}
 
 fn percent(head: String, better: Better, quantity: Quantity, definition: String) -> Column {
     Column {
@@ -62,6 +105,14 @@ fn failed(frame: Frame) -> Column {
     percent("failed".into(), Better::Down, Quantity::Failed(frame), definition)
 }
 
+/// Area under the curve of shares; `how` says how it is integrated.
+fn area(frame: Frame, threshold: f64, area: fn(Frame, PoseAngle, f64) -> Quantity, how: &str) -> Column {
+    let definition = format!(
+        "area under the curve of shares of items with max(RRA, RTA) below a threshold, up to {threshold}°, over {threshold}°; {how}"
+    );
+    percent(format!("AUC@{threshold}"), Better::Up, area(frame, PoseAngle::Worse, threshold), definition)
+}
+
 fn median_error(frame: Frame, angle: PoseAngle) -> Column {
     let what = match angle {
         PoseAngle::Rra => "angle between estimated and true relative rotation",
@@ -82,117 +133,102 @@ fn median_error(frame: Frame, angle: PoseAngle) -> Column {
     }
 }
 
-/// A number of a region by its key; its definition is that of the key.
-fn region(
+/// What a perfect answer scores, where a key of the truth says so: `…_floor…` or `…_ceiling`.
+fn anchor(key: &str) -> Option<&'static str> {
+    let is_of = |anchor: &str| {
+        anchor.strip_suffix("_ceiling") == Some(key)
+            || anchor.split_once("_floor").is_some_and(|(start, end)| key.strip_prefix(start) == Some(end))
+    };
+    definitions().map(|d| d.key).find(|anchor| is_of(anchor))
+}
+
+/// Numbers of a region by their keys, each with its heading; the definition is that of the key.
+fn of_region<'a>(
     frame: Frame,
     region: Region,
-    key: &'static str,
-    head: &str,
-    anchor: Option<&'static str>,
-) -> Column {
-    let known = definition(key);
-    let unit = match known.map_or("1", |d| d.unit) {
-        "1" | "px" => "",
-        "deg" => "°",
-        unit => unit,
+    columns: impl IntoIterator<Item = (&'static str, &'a str)>,
+) -> Vec<Column> {
+    let column = |(key, head): (&'static str, &str)| {
+        let known = definition(key);
+        let unit = match known.map_or("1", |d| d.unit) {
+            "1" | "px" => "",
+            "deg" => "°",
+            unit => unit,
+        };
+        let better = known.map_or(Better::None, |d| d.better);
+        let is_share = ["coverage", "hazard", "align_inlier"].iter().any(|start| key.starts_with(start));
+        Column {
+            head: head.to_owned(),
+            unit: if is_share { "%" } else { unit },
+            better,
+            factor: if is_share { 100.0 } else { 1.0 },
+            form: if is_share { Form::Fixed(1) } else { Form::Significant(3) },
+            quantity: Quantity::Region(frame, region, key),
+            anchor: anchor(key).map(|anchor| Quantity::Region(frame, region, anchor)),
+            definition: format!("`{key}`: {}", known.map_or("", |d| d.text)),
+            has_reduction: better == Better::Down && !is_share,
+        }
     };
-    let better = known.map_or(Better::None, |d| d.better);
-    let is_share = ["coverage", "hazard", "align_inlier"].iter().any(|start| key.starts_with(start));
-    Column {
-        head: head.to_owned(),
-        unit: if is_share { "%" } else { unit },
-        better,
-        factor: if is_share { 100.0 } else { 1.0 },
-        form: if is_share { Form::Fixed(1) } else { Form::Significant(3) },
-        quantity: Quantity::Region(frame, region, key),
-        anchor: anchor.map(|anchor| Quantity::Region(frame, region, anchor)),
-        definition: format!("`{key}`: {}", known.map_or("", |d| d.text)),
-        has_reduction: better == Better::Down && !is_share,
-    }
+    columns.into_iter().map(column).collect()
+}
+
+/// What both pose tables show.
+fn pose_columns(
+    frame: Frame,
+    failures: Failures,
+    integrated: fn(Frame, PoseAngle, f64) -> Quantity,
+    how: &str,
+) -> Vec<Column> {
+    let shares = ANGLES.iter().flat_map(|&angle| THRESHOLDS_DEG.map(|t| below(frame, angle, t, failures)));
+    let areas = AREAS_DEG.map(|t| area(frame, t, integrated, how));
+    let medians = ANGLES.map(|angle| median_error(frame, angle));
+    std::iter::once(failed(frame)).chain(shares).chain(areas).chain(medians).collect()
 }
 
 /// The pose table: the full frames, failures as failures.
 pub fn pose() -> Spec {
-    let frame = Frame::Full;
-    let mut columns = vec![failed(frame)];
-    for angle in [PoseAngle::Rra, PoseAngle::Rta] {
-        columns.extend(THRESHOLDS_DEG.map(|t| below(frame, angle, t, Failures::Counted)));
-    }
-    columns.extend(AREAS_DEG.map(|t| {
-        let definition = format!(
-            "area under the curve of shares of items with max(RRA, RTA) below a threshold, up to {t}°, over {t}°; the exact \
-             integral, failures counted"
-        );
-        percent(format!("AUC@{t}"), Better::Up, Quantity::Auc(frame, PoseAngle::Worse, t), definition)
-    }));
-    columns.extend([PoseAngle::Rra, PoseAngle::Rta].map(|angle| median_error(frame, angle)));
-    Spec {
-        id: "pose".into(),
-        title: "Relative pose, honest form: full frames, failures counted as failures".into(),
-        notes: vec![],
-        columns,
-        published: &[],
-    }
+    let how = "the exact integral, failures counted";
+    let columns = pose_columns(Frame::Full, Failures::Counted, Quantity::Auc, how);
+    Spec::new("pose", "Relative pose, honest form: full frames, failures counted as failures", columns)
 }
 
 /// The paper's pose table in its own form.
 pub fn pose_paper() -> Spec {
-    let frame = Frame::ReferenceRows;
-    let mut columns = vec![failed(frame)];
-    for angle in [PoseAngle::Rra, PoseAngle::Rta] {
-        columns.extend(THRESHOLDS_DEG.map(|t| below(frame, angle, t, Failures::LeftOut)));
-    }
-    columns.extend(AREAS_DEG.map(|t| {
-        let definition = format!(
-            "area under the curve of shares of items with max(RRA, RTA) below a threshold, up to {t}°, over {t}°; bins of 0.1° \
-             and trapezoids, failures counted, as in the paper's code"
-        );
-        percent(format!("AUC@{t}"), Better::Up, Quantity::AucInBins(frame, PoseAngle::Worse, t), definition)
-    }));
-    columns.extend([PoseAngle::Rra, PoseAngle::Rta].map(|angle| median_error(frame, angle)));
-    Spec {
-        id: "pose_paper".into(),
-        title: "Relative pose, paper-compatible form: central 384 rows, failed items left out of the shares".into(),
-        notes: vec![
-            "Reference protocol: pictures cropped to their central 384 of 512 rows, the 2000 best matches of each method, plain five-point RANSAC (inliers within 1 px, nothing refined), signed translation: it judges the matches, not the method's own estimate."
-                .into(),
-        ],
-        columns,
-        published: &[],
-    }
+    let how = "bins of 0.1° and trapezoids, failures counted, as in the paper's code";
+    let columns = pose_columns(Frame::ReferenceRows, Failures::LeftOut, Quantity::AucInBins, how);
+    let title = "Relative pose, paper-compatible form: central 384 rows, failed items left out of the shares";
+    Spec::new("pose_paper", title, columns)
+        .note("Reference protocol: pictures cropped to their central 384 of 512 rows, the 2000 best matches of each method, plain five-point RANSAC (inliers within 1 px, nothing refined), signed translation: it judges the matches, not the method's own estimate.")
 }
 
 /// The paper's 3-D table in its own form.
 pub fn terrain_paper() -> Spec {
-    let column = |key, head: &str, anchor| region(Frame::ReferenceRows, Region::Full, key, head, anchor);
-    Spec {
-        id: "terrain_paper".into(),
-        title: "3-D reconstruction, paper-compatible form: central 384 rows, 10 000 random points of each cloud".into(),
-        notes: vec![
-            "All pixels with truth of both views; clouds thinned to 10 000 points each, so that a perfect answer scores the floor, not 0."
-                .into(),
-            "Published rows: other pairs (the authors' whole test set, 3.5 to 30.5 km), metres scale with altitude; which slope their correlation is of is not published."
-                .into(),
+    let columns = of_region(
+        Frame::ReferenceRows,
+        Region::Full,
+        [
+            ("accuracy_10k_m", "accuracy"),
+            ("completeness_10k_m", "completeness"),
+            ("chamfer_10k_m", "Chamfer"),
+            ("chamfer_10k_pct_bbox", "Chamfer of box"),
+            ("chamfer_10k_ransac_m", "Chamfer, RANSAC"),
+            ("slope_corr_code", "slope corr."),
+            ("slope_mae_code_deg", "slope MAE"),
+            ("ssim_world_z_paper", "SSIM"),
+            ("profile_world_z_mae_m", "profile MAE"),
+            ("profile_world_z_corr", "profile corr."),
         ],
-        columns: vec![
-            column("accuracy_10k_m", "accuracy", Some("accuracy_10k_floor_m")),
-            column("completeness_10k_m", "completeness", Some("completeness_10k_floor_m")),
-            column("chamfer_10k_m", "Chamfer", Some("chamfer_10k_floor_m")),
-            column("chamfer_10k_pct_bbox", "Chamfer of box", Some("chamfer_10k_floor_pct_bbox")),
-            column("chamfer_10k_ransac_m", "Chamfer, RANSAC", None),
-            column("slope_corr_code", "slope corr.", Some("slope_corr_code_ceiling")),
-            column("slope_mae_code_deg", "slope MAE", Some("slope_mae_code_floor_deg")),
-            column("ssim_world_z_paper", "SSIM", None),
-            column("profile_world_z_mae_m", "profile MAE", None),
-            column("profile_world_z_corr", "profile corr.", None),
-        ],
-        published: &paper::TERRAIN,
-    }
+    );
+    let title =
+        "3-D reconstruction, paper-compatible form: central 384 rows, 10 000 random points of each cloud";
+    let spec = Spec::new("terrain_paper", title, columns)
+        .note("All pixels with truth of both views; clouds thinned to 10 000 points each, so that a perfect answer scores the floor, not 0.")
+        .note("Published rows: other pairs (the authors' whole test set, 3.5 to 30.5 km), metres scale with altitude; which slope their correlation is of is not published.");
+    Spec { published: &paper::TERRAIN, ..spec }
 }
 
 /// The honest 3-D table of a region.
 pub fn terrain(of: Region) -> Spec {
-    let column = |key, head: &str, anchor| region(Frame::Full, of, key, head, anchor);
     let (id, title, note) = match of {
         Region::Overlap => (
             "terrain_overlap",
@@ -205,113 +241,92 @@ pub fn terrain(of: Region) -> Spec {
             "All pixels with truth; a pixel without an answer counts with the plane's error in the point error.",
         ),
     };
-    Spec {
-        id: id.into(),
-        title: title.into(),
-        notes: vec![note.into()],
-        columns: vec![
-            column("point_error_rel", "point error", None),
-            column("coverage", "coverage", None),
-            column("coverage_measured", "measured", None),
-            column("accuracy_pct_depth_z", "accuracy of z", None),
-            column("completeness_pct_depth_z", "completeness of z", None),
-            column("chamfer_m", "Chamfer", Some("chamfer_floor_m")),
-            column("chamfer_pct_bbox", "Chamfer of box", None),
-            column("slope_corr_gsd", "slope corr. GSD", Some("slope_corr_gsd_ceiling")),
-            column("slope_corr_normals", "slope corr. normals", Some("slope_corr_normals_ceiling")),
-            column("slope_corr_true", "slope corr. true", Some("slope_corr_true_ceiling")),
-            column("slope_mae_deg", "slope MAE", Some("slope_mae_floor_deg")),
-            column("ssim_world_z", "SSIM of Z", None),
-            column("profiles_world_z_mae_m", "profiles MAE", None),
-            column("profiles_world_z_corr", "profiles corr.", None),
+    let columns = of_region(
+        Frame::Full,
+        of,
+        [
+            ("point_error_rel", "point error"),
+            ("coverage", "coverage"),
+            ("coverage_measured", "measured"),
+            ("accuracy_pct_depth_z", "accuracy of z"),
+            ("completeness_pct_depth_z", "completeness of z"),
+            ("chamfer_m", "Chamfer"),
+            ("chamfer_pct_bbox", "Chamfer of box"),
+            ("slope_corr_gsd", "slope corr. GSD"),
+            ("slope_corr_normals", "slope corr. normals"),
+            ("slope_corr_true", "slope corr. true"),
+            ("slope_mae_deg", "slope MAE"),
+            ("ssim_world_z", "SSIM of Z"),
+            ("profiles_world_z_mae_m", "profiles MAE"),
+            ("profiles_world_z_corr", "profiles corr."),
         ],
-        published: &[],
-    }
+    );
+    Spec::new(id, title, columns).note(note)
 }
 
 /// Depth in the cameras, and whether sigma and confidence tell the truth.
 pub fn depth_and_sigma() -> Spec {
-    let column = |key, head: &str| region(Frame::Full, Region::Overlap, key, head, None);
-    Spec {
-        id: "depth_and_sigma".into(),
-        title: "Depth, alignment, calibration of sigma and confidence: what both views see".into(),
-        notes: vec![],
-        columns: vec![
-            column("depth_z_abs_rel", "abs. rel."),
-            column("depth_z_rmse_m", "RMSE"),
-            column("depth_z_delta_1_01", "δ<1.01"),
-            column("depth_z_delta_1_001", "δ<1.001"),
-            column("ssim_depth_z", "SSIM of z"),
-            column("align_inlier_share", "align. inliers"),
-            column("align_residual_median_m", "align. residual"),
-            column("point_error_ransac_rel", "point error, RANSAC"),
-            column("sigma_calibration_error", "calibration"),
-            column("sigma_z_rms", "error / sigma"),
-            column("sigma_sharpness_m", "sharpness"),
-            column("sigma_ause", "AUSE sigma"),
-            column("confidence_ause", "AUSE conf."),
+    let columns = of_region(
+        Frame::Full,
+        Region::Overlap,
+        [
+            ("depth_z_abs_rel", "abs. rel."),
+            ("depth_z_rmse_m", "RMSE"),
+            ("depth_z_delta_1_01", "δ<1.01"),
+            ("depth_z_delta_1_001", "δ<1.001"),
+            ("ssim_depth_z", "SSIM of z"),
+            ("align_inlier_share", "align. inliers"),
+            ("align_residual_median_m", "align. residual"),
+            ("point_error_ransac_rel", "point error, RANSAC"),
+            ("sigma_calibration_error", "calibration"),
+            ("sigma_z_rms", "error / sigma"),
+            ("sigma_sharpness_m", "sharpness"),
+            ("sigma_ause", "AUSE sigma"),
+            ("confidence_ause", "AUSE conf."),
         ],
-        published: &[],
-    }
+    );
+    let title = "Depth, alignment, calibration of sigma and confidence: what both views see";
+    Spec::new("depth_and_sigma", title, columns)
 }
 
 /// Agreement of hazard maps.
 pub fn hazards() -> Spec {
-    let head = |key: &str| {
-        let parts: Vec<&str> = key.trim_start_matches("hazard_").rsplitn(2, '_').collect();
-        format!("{} {}", parts[1].replace("false_alarm", "false"), parts[0].replace("deg", "°"))
-    };
-    Spec {
-        id: "hazards".into(),
-        title: "Hazard maps by slope limit: what both views see".into(),
-        notes: vec![],
-        columns: HAZARDS
-            .iter()
-            .map(|key| region(Frame::Full, Region::Overlap, key, &head(key), None))
-            .collect(),
-        published: &[],
-    }
+    // `hazard_false_alarm_15deg` is headed `false 15°`.
+    let heads = definitions().filter_map(|d| {
+        let (what, limit) = d.key.strip_prefix("hazard_")?.rsplit_once('_')?;
+        Some((d.key, format!("{} {}", what.replace("false_alarm", "false"), limit.replace("deg", "°"))))
+    });
+    let heads: Vec<(&str, String)> = heads.collect();
+    let columns = heads.iter().map(|(key, head)| (*key, head.as_str()));
+    let columns = of_region(Frame::Full, Region::Overlap, columns);
+    Spec::new("hazards", "Hazard maps by slope limit: what both views see", columns)
 }
 
 /// Pairs without an answer: no common ground, or the same view twice.
 pub fn hard_cases() -> Spec {
     let definition = "share of items for which the method gives no pose: here the right answer".into();
-    Spec {
-        id: "hard_cases".into(),
-        title: "Pairs without parallax or common ground: the right answer is \"cannot say\"".into(),
-        notes: vec!["These items are in no other table.".into()],
-        columns: vec![percent("cannot say".into(), Better::Up, Quantity::Failed(Frame::Full), definition)],
-        published: &[],
-    }
+    let columns = vec![percent("cannot say".into(), Better::Up, Quantity::Failed(Frame::Full), definition)];
+    let title = "Pairs without parallax or common ground: the right answer is \"cannot say\"";
+    Spec::new("hard_cases", title, columns).note("These items are in no other table.")
 }
 
 /// The numbers that a breakdown shows.
 pub fn breakdown(name: &str) -> Spec {
-    let column = |key, head: &str, anchor| region(Frame::Full, Region::Overlap, key, head, anchor);
-    let pose = |angle, t| below(Frame::Full, angle, t, Failures::Counted);
-    let area = percent(
-        "AUC@5".into(),
-        Better::Up,
-        Quantity::Auc(Frame::Full, PoseAngle::Worse, 5.0),
-        "area under the curve of shares of items with max(RRA, RTA) below a threshold, up to 5°, over 5°; failures counted".into(),
-    );
-    Spec {
-        id: format!("by_{name}"),
-        title: format!("By {name}"),
-        notes: vec![],
-        columns: vec![
-            failed(Frame::Full),
-            pose(PoseAngle::Rra, 2.0),
-            pose(PoseAngle::Rta, 2.0),
-            area,
-            median_error(Frame::Full, PoseAngle::Rra),
-            median_error(Frame::Full, PoseAngle::Rta),
-            column("point_error_rel", "point error", None),
-            column("coverage", "coverage", None),
-            column("chamfer_pct_bbox", "Chamfer of box", None),
-            column("slope_corr_gsd", "slope corr. GSD", Some("slope_corr_gsd_ceiling")),
-            column("slope_mae_deg", "slope MAE", Some("slope_mae_floor_deg")),
+    let frame = Frame::Full;
+    let mut columns = vec![failed(frame)];
+    columns.extend(ANGLES.map(|angle| below(frame, angle, 2.0, Failures::Counted)));
+    columns.push(area(frame, 5.0, Quantity::Auc, "failures counted"));
+    columns.extend(ANGLES.map(|angle| median_error(frame, angle)));
+    columns.extend(of_region(
+        frame,
+        Region::Overlap,
+        [
+            ("point_error_rel", "point error"),
+            ("coverage", "coverage"),
+            ("chamfer_pct_bbox", "Chamfer of box"),
+            ("slope_corr_gsd", "slope corr. GSD"),
+            ("slope_mae_deg", "slope MAE"),
         ],
-        published: &[],
-    }
+    ));
+    Spec::new(format!("by_{name}"), format!("By {name}"), columns)
 }

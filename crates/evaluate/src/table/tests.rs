@@ -125,5 +125,5 @@ fn published_rows_stand_in_their_class_only() {
     assert_eq!(published[0], ("nadir", "paper: MASt3R"));
     let heads: Vec<&str> = table.spec.columns.iter().map(|column| column.head.as_str()).collect();
     // Every published number has its column.
-    assert!(paper::TERRAIN.iter().flat_map(|row| row.values).all(|(head, _)| heads.contains(head)));
+    assert!(crate::paper::TERRAIN.iter().flat_map(|row| row.values).all(|(head, _)| heads.contains(head)));
 }

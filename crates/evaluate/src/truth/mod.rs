@@ -1,7 +1,7 @@
 //! What is known of a pair: cameras, poses, z-depth, and how finely the depth was stored.
 
-pub mod covisible;
-pub mod plane;
+pub(crate) mod covisible;
+pub(crate) mod plane;
 
 use nalgebra::{Point2, Point3, Vector3};
 use selenograph_dataset::import::{StereoPair, StereoView};

@@ -1,6 +1,6 @@
 //! Starts of the refinement, and the choice among what they lead to.
 
-use super::RelativeOptions;
+use super::options::RelativeOptions;
 use crate::cheirality::{in_front, most_in_front};
 use crate::consensus::HomographySearch;
 use crate::decompose::{Motion, motions_of_essential, motions_of_homography};

@@ -85,7 +85,7 @@ pub fn homography_linear(matches: impl Iterator<Item = ([f64; 4], f64)> + Clone)
 }
 
 /// Squared distance between `b` and the image of `a`, on the plane `z = 1` of B; infinite where `a` goes to infinity.
-pub fn transfer_squared(h: &Matrix3<f64>, pair: &[f64; 4]) -> f64 {
+pub(crate) fn transfer_squared(h: &Matrix3<f64>, pair: &[f64; 4]) -> f64 {
     let p = h * Vector3::new(pair[0], pair[1], 1.0);
     let (dx, dy) = (p.x / p.z - pair[2], p.y / p.z - pair[3]);
     let squared = dx * dx + dy * dy;

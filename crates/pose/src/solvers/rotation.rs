@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The rotation nearest to a correlation matrix `Σ w b aᵀ`, and the sum of its (signed) singular values; none where its rank is
 /// below two.
-pub fn rotation_of_correlation(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, f64)> {
+pub(crate) fn rotation_of_correlation(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, f64)> {
     if !m.iter().all(|v| v.is_finite()) {
         return None;
     }

@@ -22,7 +22,7 @@ pub enum Scaling {
 
 /// Weighted sums of point pairs; moments can be added up in parts.
 #[derive(Debug, Clone, Copy)]
-pub struct Moments {
+pub(crate) struct Moments {
     shift_p: Vector3<f64>,
     shift_q: Vector3<f64>,
     weight: f64,

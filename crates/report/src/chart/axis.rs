@@ -2,7 +2,7 @@
 
 /// How values become positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Scale {
+pub(crate) enum Scale {
     /// Equal differences, equal lengths.
     #[default]
     Linear,
@@ -14,11 +14,11 @@ pub enum Scale {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Axis {
     /// What it counts, with the unit.
-    pub label: String,
+    pub(crate) label: String,
     /// How values become positions.
-    pub scale: Scale,
+    pub(crate) scale: Scale,
     /// Ends; from the data where absent.
-    pub range: Option<[f64; 2]>,
+    pub(crate) range: Option<[f64; 2]>,
     /// Names at 0, 1, 2, … in place of numbers.
     pub(crate) names: Vec<String>,
 }
@@ -42,7 +42,7 @@ impl Axis {
     }
 
     /// Names instead of numbers.
-    pub fn categories(names: &[String]) -> Self {
+    pub(crate) fn categories(names: &[String]) -> Self {
         Self { names: names.to_vec(), ..Self::default() }
     }
 

@@ -20,34 +20,36 @@ struct Plot<'a> {
     y_ends: [f64; 2],
 }
 
-/// The drawing.
-pub(super) fn svg(chart: &Chart) -> String {
-    let (legend, legend_rows) = legend(chart);
-    let plot = Plot::new(chart, legend_rows);
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" \
+impl Chart {
+    /// The drawing; one element, usable in a page and as a file.
+    pub fn svg(&self) -> String {
+        let (legend, legend_rows) = legend(self);
+        let plot = Plot::new(self, legend_rows);
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" \
          font-family=\"system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif\" font-size=\"{SMALL}\" fill=\"#1c1c20\">\n\
          <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n",
-        w = chart.width,
-        h = chart.height
-    );
-    out += &format!("<title>{}</title>\n", escape(&chart.title));
-    out += &format!(
-        "<text x=\"{:.1}\" y=\"18\" font-size=\"14\" font-weight=\"600\">{}</text>\n",
-        plot.left,
-        escape(&chart.title)
-    );
-    out += &format!("<g transform=\"translate({:.1} 32)\">\n{legend}</g>\n", plot.left);
-    out += &plot.axes();
-    // Lines may leave the axes' ranges: they are cut, not drawn over the labels.
-    out += &format!(
-        "<svg x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" overflow=\"hidden\">\n",
-        plot.left, plot.top, plot.width, plot.height
-    );
-    for (index, series) in chart.series.iter().enumerate() {
-        out += &plot.series(index, series);
+            w = self.width,
+            h = self.height
+        );
+        out += &format!("<title>{}</title>\n", escape(&self.title));
+        out += &format!(
+            "<text x=\"{:.1}\" y=\"18\" font-size=\"14\" font-weight=\"600\">{}</text>\n",
+            plot.left,
+            escape(&self.title)
+        );
+        out += &format!("<g transform=\"translate({:.1} 32)\">\n{legend}</g>\n", plot.left);
+        out += &plot.axes();
+        // Lines may leave the axes' ranges: they are cut, not drawn over the labels.
+        out += &format!(
+            "<svg x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" overflow=\"hidden\">\n",
+            plot.left, plot.top, plot.width, plot.height
+        );
+        for (index, series) in self.series.iter().enumerate() {
+            out += &plot.series(index, series);
+        }
+        out + "</svg>\n</svg>\n"
     }
-    out + "</svg>\n</svg>\n"
 }
 
 /// Marks and names in rows, and how many rows.

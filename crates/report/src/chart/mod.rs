@@ -4,7 +4,8 @@ mod axis;
 mod draw;
 mod kinds;
 
-pub use axis::{Axis, Scale};
+pub use axis::Axis;
+use axis::Scale;
 pub use kinds::{Profile, cumulative, profile, reliability};
 
 use crate::color::{self, Rgb};
@@ -67,7 +68,7 @@ impl Chart {
     }
 
     /// A dashed line through the points.
-    pub fn dashed(self, name: impl Into<String>, color: Rgb, points: Vec<[f64; 2]>) -> Self {
+    pub(crate) fn dashed(self, name: impl Into<String>, color: Rgb, points: Vec<[f64; 2]>) -> Self {
         self.with(name, color, Mark::Line { dashed: true }, points)
     }
 
@@ -77,7 +78,7 @@ impl Chart {
     }
 
     /// A bar per point; bars of several series at the same place stand side by side.
-    pub fn bars(self, name: impl Into<String>, color: Rgb, points: Vec<[f64; 2]>) -> Self {
+    pub(crate) fn bars(self, name: impl Into<String>, color: Rgb, points: Vec<[f64; 2]>) -> Self {
         self.with(name, color, Mark::Bars, points)
     }
 
@@ -88,7 +89,7 @@ impl Chart {
     }
 
     /// The area between `[x, low, high]`.
-    pub fn band(self, name: impl Into<String>, color: Rgb, band: Vec<[f64; 3]>) -> Self {
+    pub(crate) fn band(self, name: impl Into<String>, color: Rgb, band: Vec<[f64; 3]>) -> Self {
         let points = ends(&band);
         self.with(name, color, Mark::Band(band), points)
     }
@@ -106,11 +107,6 @@ impl Chart {
             chart = chart.bars(name.clone(), color::series(k), points);
         }
         chart
-    }
-
-    /// The drawing; one element, usable in a page and as a file.
-    pub fn svg(&self) -> String {
-        draw::svg(self)
     }
 }
 

@@ -38,7 +38,7 @@ impl Picture {
     }
 
     /// The address of the picture that holds the picture itself.
-    pub fn data_uri(&self) -> String {
+    pub(crate) fn data_uri(&self) -> String {
         format!("data:{};base64,{}", self.mime, base64::encode(&self.bytes))
     }
 }
