@@ -6,6 +6,7 @@
 
 mod attention;
 mod buffer;
+mod config;
 mod conv;
 mod dpt;
 mod embed;
@@ -16,6 +17,7 @@ pub mod focal;
 mod footprint;
 mod gemm;
 mod head;
+mod image;
 mod kernel;
 pub mod matching;
 mod output;
@@ -29,10 +31,11 @@ mod vector;
 mod weights;
 mod yardstick;
 
-pub use encoder::{Encoder, Image};
+pub use encoder::Encoder;
 pub use engine::{Encoding, Engine};
 pub use error::{Error, Result, SourceError};
 pub use footprint::Footprint;
+pub use image::Image;
 pub use kernel::Simd;
 pub use output::HeadOutput;
 pub use probe::{Probe, Stage};

@@ -1,6 +1,6 @@
 //! Heads' outputs as the arrays that `reconstruct::learned` takes.
 
-use crate::predictor::EncodedView;
+use crate::encoded::EncodedView;
 use crate::{Error, Passes, PredictOptions, grid, matches};
 use selenograph_engine::HeadOutput;
 use selenograph_engine::focal::focal_of_pointmap;

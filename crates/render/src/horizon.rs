@@ -9,7 +9,7 @@
 //! blocks are bounded together with the strip on either side, and the sweep widens by one strip as often as a ray
 //! may have crossed one. Beyond the picture's own ground the sweep starts in ever coarser blocks.
 
-use crate::radiance::SunDisc;
+use crate::sun::SunDisc;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use selenograph_terrain::{Layer, Terrain};

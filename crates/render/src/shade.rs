@@ -2,7 +2,7 @@
 
 use crate::Tracer;
 use crate::horizon::Horizon;
-use crate::radiance::SunDisc;
+use crate::sun::SunDisc;
 use nalgebra::{Point3, UnitVector3};
 use rayon::prelude::*;
 

@@ -4,7 +4,7 @@
 //! then polished on the exact path, `|o + t d| = R + h(grid(o + t d))`, so the result carries no error of the
 //! traversal: about 1e-9 m, the rounding of `|p| − R`.
 
-use crate::leaf::{Entry, Leaf, leaf_bilinear, leaf_smooth};
+use crate::leaf::{Entry, Leaf, Query, leaf_bilinear, leaf_smooth};
 use crate::path::{self, OnMap, Piece, Ray, eval, shell_span};
 use nalgebra::{Point3, UnitVector3, Vector3};
 use selenograph_geometry::Projection;
@@ -92,14 +92,6 @@ pub struct Tracer<'a> {
     terrain: &'a Terrain,
     interpolation: Interpolation,
     pub(crate) layers: Vec<LayerView<'a>>,
-}
-
-/// Whether the first hit is wanted, or only whether there is one beyond the start.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Query {
-    First,
-    /// The ray starts on the surface; a hit must go deeper than the rounding of its start.
-    Occlusion,
 }
 
 enum PieceHit {

@@ -1,10 +1,9 @@
 //! What is true of a picture: geometry per pixel, and light per pixel and Sun.
 
 use crate::shade::Shade;
-use crate::{Error, Hit, Sun, Tracer, View};
+use crate::{Error, Hit, Shadows, Sun, Tracer, View};
 use nalgebra::Point3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 /// Geometry seen by the ray through each pixel's centre, without blur. Rows first, `width × height` entries each.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,17 +110,6 @@ fn cast_pixel(tracer: &Tracer<'_>, view: &View, x: usize, y: usize) -> Pixel {
         sky: false,
         absent: false,
     }
-}
-
-/// Which shadows a picture has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Shadows {
-    /// Ground that faces away from the Sun, and ground that other ground hides from it.
-    #[default]
-    Cast,
-    /// Only ground that faces away from the Sun (the pictures of the StereoLunar dataset).
-    Attached,
 }
 
 /// Light on each pixel's centre, by the Sun's centre. Rows first.

@@ -1,10 +1,7 @@
 //! One grid of node heights and the surface between the nodes.
 
-use crate::{Error, Grid, Pyramid};
+use crate::{Block, Error, Grid, Pyramid};
 use std::sync::Arc;
-
-/// Floats in memory or in a mapped file.
-pub type Block = Arc<dyn AsRef<[f32]> + Send + Sync>;
 
 /// Side of the blocks for which a layer records its effective cell size, cells.
 pub const SUPPORT_BLOCK: usize = 16;

@@ -17,6 +17,6 @@ pub mod terrain;
 
 pub use error::Error;
 pub use grid::Grid;
-pub use layer::{Block, Layer, Patch};
-pub use pyramid::{Pyramid, PyramidBuilder, PyramidShape};
+pub use layer::{Layer, Patch};
+pub use pyramid::{Block, Pyramid, PyramidBuilder, PyramidShape};
 pub use terrain::{SurfaceSample, Terrain};

@@ -1,7 +1,9 @@
 //! Max and min heights over 2ᵏ × 2ᵏ cells, built row by row so that a DEM larger than memory streams through.
 
-use crate::layer::Block;
 use std::sync::Arc;
+
+/// Floats in memory or in a mapped file.
+pub type Block = Arc<dyn AsRef<[f32]> + Send + Sync>;
 
 /// Min levels start here (8×8 cells): they bound where a ray can *start*, which needs no finer steps, and the whole
 /// pyramid stays at 1.36 × the heights.

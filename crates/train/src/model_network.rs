@@ -3,10 +3,10 @@
 use crate::Error;
 use crate::activations;
 use crate::batch::{PairImages, ViewOutput};
-use crate::frozen::FrozenEncoder;
+use crate::frozen::{FrozenEncoder, stored};
 use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Features, Images, Inputs, Keep, Model, Output, Parameter};
+use selenograph_model::{Features, Inputs, Keep, Model, Output, Parameter};
 use selenograph_network::checkpoint;
 use selenograph_network::layout::Part;
 use serde::{Deserialize, Serialize};
@@ -99,14 +99,6 @@ impl ModelNetwork {
             }
         }
     }
-}
-
-/// The pictures as the model takes them.
-pub(crate) fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
-    let [height, width] = images.size;
-    let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
-    let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
-    Ok(Images::stored_landscape(images.values.clone(), images.size, &true_sizes, device)?)
 }
 
 /// Places of the first and second view of each item: every pair both ways.

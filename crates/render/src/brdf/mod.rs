@@ -4,50 +4,23 @@
 //! the irradiance on a plane normal to the light). It already contains the cosine of incidence: nobody multiplies by
 //! it again. Each exists twice: an `f64` reference, and a fast form in [`Lanes`] that a test compares with it.
 
-pub mod hapke;
-pub mod hapke1963;
+mod hapke;
+mod hapke1963;
 mod hapke_fast;
-pub mod lambert;
-pub mod lanes;
-pub mod lommel_seeliger;
-pub mod lunar_lambert;
-pub mod minnaert;
+mod lambert;
+mod lanes;
+mod lommel_seeliger;
+mod lunar_lambert;
+mod minnaert;
+mod parameter;
 
 pub use hapke::{HFunction, Hapke, HapkeVersion};
 pub use hapke1963::Hapke1963;
 pub use lanes::Lanes;
 pub use lunar_lambert::{LunarLambert, LunarShare};
 pub use minnaert::Minnaert;
+pub use parameter::ParameterError;
 use serde::{Deserialize, Serialize};
-
-/// A parameter outside the range where its law means something.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("reflectance `{law}`: `{parameter}` must be {expected}, found {found}")]
-pub struct ParameterError {
-    /// Name of the law in configuration files.
-    pub law: &'static str,
-    /// Name of the parameter.
-    pub parameter: &'static str,
-    /// What was expected.
-    pub expected: String,
-    /// What was found.
-    pub found: f64,
-}
-
-impl ParameterError {
-    fn within(
-        law: &'static str,
-        parameter: &'static str,
-        found: f64,
-        min: f64,
-        max: f64,
-    ) -> Result<(), Self> {
-        if found >= min && found <= max {
-            return Ok(());
-        }
-        Err(Self { law, parameter, expected: format!("from {min} to {max}"), found })
-    }
-}
 
 /// A reflectance law with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

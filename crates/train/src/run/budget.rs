@@ -1,6 +1,7 @@
 //! Where a run stands in its schedule, and a budget of time: steps sized to it, and again where the machine's pace changes.
 
 use super::checkpoint::Anchor;
+use super::pace::Pace;
 use super::trainer::Trainer;
 use crate::Error;
 
@@ -10,22 +11,6 @@ const SIZED_AFTER: [f64; 2] = [0.02, 0.05];
 const TIMED_STEPS: u64 = 3;
 /// The rest is sized again where it would take so much more or less than there is, as a share of it.
 const OFF_PACE: f64 = 0.05;
-
-/// How long steps take.
-#[derive(Debug, Default)]
-pub(super) struct Pace {
-    /// The seconds and the step from which on steps are timed.
-    from: Option<(f64, u64)>,
-    /// Mean seconds from step to step before that.
-    before_s: Option<f64>,
-}
-
-impl Pace {
-    /// A step has ended. The first of a sitting is slower than the others and not timed.
-    pub(super) fn step(&mut self, elapsed_s: f64, step: u64) {
-        self.from.get_or_insert((elapsed_s, step));
-    }
-}
 
 impl Trainer<'_> {
     pub(super) fn elapsed_s(&self) -> f64 {

@@ -5,6 +5,7 @@ pub mod checkpoint;
 pub mod feed;
 pub mod memory;
 pub mod metrics;
+mod pace;
 pub mod page;
 pub mod preset;
 mod settings;

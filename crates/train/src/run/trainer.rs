@@ -1,8 +1,8 @@
 //! The loop: batches in, steps, checkpoints and curves out.
 
-use super::budget::Pace;
 use super::checkpoint::{Checkpoints, RunState, Saved};
 use super::metrics::{MetricsFile, Record, StepRecord, ValidationRecord};
+use super::pace::Pace;
 use super::settings::TrainSettings;
 use super::tensorboard::EventWriter;
 use crate::Error;
