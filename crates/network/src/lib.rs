@@ -20,7 +20,7 @@ pub mod input;
 pub mod layout;
 pub mod model_string;
 mod pickle;
-pub mod presets;
+mod presets;
 pub mod random;
 pub mod safetensors;
 mod zip;

@@ -1,7 +1,7 @@
 //! What a pair will take, before anything is loaded.
 
 use crate::{Error, Passes, PredictOptions};
-use selenograph_engine::Footprint;
+use selenograph_engine::MemoryFootprint;
 use selenograph_network::NetworkConfig;
 use selenograph_network::cost::{Directions, Flops};
 use selenograph_network::input::Plan;
@@ -24,7 +24,7 @@ pub struct Estimate {
     /// Floating-point operations.
     pub flops: Flops,
     /// Memory of the engine.
-    pub footprint: Footprint,
+    pub footprint: MemoryFootprint,
     /// Bytes of pictures, of points on their grids, and of matching.
     pub beside: usize,
 }
@@ -55,7 +55,7 @@ impl Estimate {
         Ok(Self {
             inputs,
             flops: Flops::of_pair(config, inputs, directions),
-            footprint: Footprint::of_pair(config, inputs, directions, num_threads)?,
+            footprint: MemoryFootprint::of_pair(config, inputs, directions, num_threads)?,
             beside: PICTURE_PIXEL_BYTES * area(pictures) + num_matched * matched * area(inputs),
         })
     }

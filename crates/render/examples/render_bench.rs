@@ -6,10 +6,10 @@
 //! with 45° across 512×512 pixels; 64 rays per pixel through a Gaussian of 0.6 px; the Sun's disc at elevation 8°,
 //! azimuth 30° (or `--azimuth`); cast shadows. Prints `selenograph wall_s=<median>` and the parts.
 
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Projection, lookat, proj_string::Crs};
+use selenograph_geometry::{Body, Camera, Point3, Projection, Vector3, lookat, proj_string::Crs};
 use selenograph_raster::georef::Affine;
 use selenograph_render::*;
 use selenograph_terrain::{Grid, Layer, Terrain};

@@ -10,8 +10,8 @@
 //! may have crossed one. Beyond the picture's own ground the sweep starts in ever coarser blocks.
 
 use crate::sun::SunDisc;
-use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
+use selenograph_geometry::{Point3, Vector3};
 use selenograph_terrain::{Layer, Terrain};
 
 /// Side of a block of the finest grid, cells.

@@ -5,7 +5,7 @@ use crate::pattern::Patterns;
 use crate::shade::occluded;
 use crate::sun::SunDisc;
 use crate::{Hit, RadianceSettings, Shadows, Tracer, Truth, View};
-use nalgebra::Point2;
+use selenograph_geometry::Point2;
 
 /// Side of the tiles that the picture is made in, pixels.
 pub(crate) const TILE: usize = 8;

@@ -14,8 +14,7 @@ use crate::rays::{Rays, add3, path, scale3};
 use crate::shadow::{ShadowRays, occlusion};
 use crate::simd::{F32x16, LANES, Mask32x16, sum};
 use crate::tile::Tile;
-use nalgebra::Point2;
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, pixel};
 
 /// A root is found when the ray is this near the surface, metres: far below the finest ground sampling.
 const ROOT_M: f32 = 2e-3;

@@ -8,9 +8,8 @@ use crate::pattern::{Patterns, turned};
 use crate::sun::SunDisc;
 use crate::tile::Tile;
 use crate::{Error, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
-use nalgebra::Point2;
 use rayon::prelude::*;
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, pixel};
 use selenograph_raster::Raster;
 
 /// Radiance factor (I/F) of every pixel under each Sun: the mean over rays spread by the Gaussian point spread, each with a

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::brdf::Brdf;
-use nalgebra::Point3;
+use selenograph_geometry::Point3;
 use selenograph_raster::Raster;
 use selenograph_terrain::Grid;
 use serde::{Deserialize, Serialize};

@@ -3,8 +3,8 @@
 use crate::Tracer;
 use crate::horizon::Horizon;
 use crate::sun::SunDisc;
-use nalgebra::{Point3, UnitVector3};
 use rayon::prelude::*;
+use selenograph_geometry::{Point3, UnitVector3};
 
 /// What hides one direction from the points of one picture.
 pub(crate) struct Shade<'a> {

@@ -2,9 +2,8 @@
 
 use crate::Error;
 use crate::trace::tangents;
-use nalgebra::{UnitVector3, Vector3};
 use selenograph_geometry::units::sun_angular_radius_rad;
-use selenograph_geometry::{Body, Geodetic};
+use selenograph_geometry::{Body, Geodetic, UnitVector3, Vector3};
 
 /// The Sun as seen from the scene. Parallax over a scene is 1e-9 rad and is left out: one direction for all points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,7 +72,7 @@ impl Sun {
     }
 
     /// Brightness at a fraction `rho` of the disc's radius, relative to the disc's mean.
-    pub fn disc_weight(&self, rho: f64) -> f64 {
+    pub(crate) fn disc_weight(&self, rho: f64) -> f64 {
         let mu = (1.0 - rho * rho).max(0.0).sqrt();
         (1.0 - self.limb_darkening * (1.0 - mu)) / (1.0 - self.limb_darkening / 3.0)
     }

@@ -4,8 +4,7 @@ use crate::job::{Job, TILE};
 use crate::path::Ray;
 use crate::pattern::MAX_SIGMAS;
 use crate::trace::{grid_gradient, tangents};
-use nalgebra::{Point2, Point3, Vector3};
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, Point3, Vector3, pixel};
 use selenograph_terrain::{Layer, Terrain};
 
 /// A box with more nodes than this is not scanned for its slopes: the traversal is cheaper.

@@ -6,8 +6,7 @@
 
 use crate::leaf::{Entry, Leaf, Query, leaf_bilinear, leaf_smooth};
 use crate::path::{self, OnMap, Piece, Ray, eval, shell_span};
-use nalgebra::{Point3, UnitVector3, Vector3};
-use selenograph_geometry::Projection;
+use selenograph_geometry::{Point3, Projection, UnitVector3, Vector3};
 use selenograph_terrain::{Grid, Layer, Terrain};
 use serde::{Deserialize, Serialize};
 
@@ -139,7 +138,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Whether the terrain stands in the way between `t_min` and `t_max` along a direction from a point on the surface.
-    pub fn occluded_between(
+    pub(crate) fn occluded_between(
         &self,
         point_on_surface: Point3<f64>,
         direction: Vector3<f64>,

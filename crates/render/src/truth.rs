@@ -2,8 +2,8 @@
 
 use crate::shade::Shade;
 use crate::{Error, Hit, Shadows, Sun, Tracer, View};
-use nalgebra::Point3;
 use rayon::prelude::*;
+use selenograph_geometry::Point3;
 
 /// Geometry seen by the ray through each pixel's centre, without blur. Rows first, `width × height` entries each.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,7 +140,7 @@ impl LightMaps {
             .map(|(n, point)| {
                 let Some(point) = point else { return ([f32::NAN; 3], 0) };
                 let [nx, ny, nz] = truth.normal[n].map(f64::from);
-                let normal = nalgebra::Vector3::new(nx, ny, nz);
+                let normal = selenograph_geometry::Vector3::new(nx, ny, nz);
                 let towards_camera = (view.origin() - point).normalize();
                 let angle = |cosine: f64| cosine.clamp(-1.0, 1.0).acos() as f32;
                 let cos_incidence = normal.dot(&sun.direction);

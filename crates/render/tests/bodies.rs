@@ -6,8 +6,7 @@
 mod common;
 
 use common::{layer, nested};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Geodetic, Projection, lookat, proj_string::Crs};
+use selenograph_geometry::{Body, Camera, Geodetic, Point3, Projection, Vector3, lookat, proj_string::Crs};
 use selenograph_raster::Raster;
 use selenograph_raster::georef::Affine;
 use selenograph_render::brdf::Brdf;

@@ -5,8 +5,7 @@
 mod common;
 
 use common::{layer, nested};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Distortion, Projection, lookat};
+use selenograph_geometry::{Body, Camera, Distortion, Point3, Projection, Vector3, lookat};
 use selenograph_raster::Raster;
 use selenograph_render::{
     InstructionSet, Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,

@@ -92,12 +92,12 @@ impl Pyramid {
     }
 
     /// Highest node of a block of level `level ≥ 1`.
-    pub fn max_at(&self, level: usize, i: usize, j: usize) -> f32 {
+    pub(crate) fn max_at(&self, level: usize, i: usize, j: usize) -> f32 {
         (*self.max).as_ref()[self.shape.max_offset[level] + j * self.shape.cols[level] + i]
     }
 
     /// Lowest node of a block of level `level ≥ FIRST_MIN_LEVEL`; −∞ if a node is absent.
-    pub fn min_at(&self, level: usize, i: usize, j: usize) -> f32 {
+    pub(crate) fn min_at(&self, level: usize, i: usize, j: usize) -> f32 {
         (*self.min).as_ref()[self.shape.min_offset[level] + j * self.shape.cols[level] + i]
     }
 
@@ -125,7 +125,7 @@ impl Pyramid {
 }
 
 /// One finished row of one level, handed out by [`PyramidBuilder::push_row`].
-pub struct LevelRow<'a> {
+pub(crate) struct LevelRow<'a> {
     /// Level, 1 or higher. Min values count from [`FIRST_MIN_LEVEL`] on.
     pub level: usize,
     /// Row within the level.
@@ -145,7 +145,7 @@ struct Partial {
 }
 
 /// Builds a pyramid from node rows pushed in order; holds two rows per level.
-pub struct PyramidBuilder {
+pub(crate) struct PyramidBuilder {
     shape: PyramidShape,
     /// Bounds between the last node row and the one before it need both.
     previous: Option<(Vec<f32>, Vec<f32>)>,
@@ -170,7 +170,7 @@ impl PyramidBuilder {
     }
 
     /// Takes the next node row; calls `emit` for each level row that this completes.
-    pub fn push_row(&mut self, nodes: &[f32], mut emit: impl FnMut(LevelRow<'_>)) {
+    pub(crate) fn push_row(&mut self, nodes: &[f32], mut emit: impl FnMut(LevelRow<'_>)) {
         let num_cells = self.shape.cols[0];
         // Bounds of neighbouring node pairs in this row.
         let low = |v: f32| if v.is_nan() { f32::NEG_INFINITY } else { v };

@@ -6,7 +6,7 @@ use crate::batch::{PairImages, ViewOutput};
 use crate::frozen::{FrozenEncoder, stored};
 use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Features, Inputs, Keep, Model, Output, Parameter};
+use selenograph_model::{Features, Inputs, Model, Output, Parameter, SavedActivations};
 use selenograph_network::checkpoint;
 use selenograph_network::layout::Part;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ pub enum Frozen {
 pub struct ModelNetwork {
     model: Model,
     frozen: Frozen,
-    keep: Keep,
+    keep: SavedActivations,
     metadata: BTreeMap<String, String>,
     cache_bytes: usize,
     /// Made when it is first needed, and again after its weights were changed.
@@ -37,7 +37,13 @@ pub struct ModelNetwork {
 
 impl ModelNetwork {
     /// A model to be trained; `license` and `provenance` go into the header of its files.
-    pub fn new(model: Model, frozen: Frozen, keep: Keep, license: Option<&str>, provenance: &str) -> Self {
+    pub fn new(
+        model: Model,
+        frozen: Frozen,
+        keep: SavedActivations,
+        license: Option<&str>,
+        provenance: &str,
+    ) -> Self {
         let mut metadata = checkpoint::header(model.config(), license);
         metadata.insert(checkpoint::key::PROVENANCE.to_owned(), provenance.to_owned());
         Self { model, frozen, keep, metadata, cache_bytes: 0, encoder: Mutex::new(None) }

@@ -21,7 +21,7 @@ fn true_pose() -> Rigid3<CamB, CamA> {
 }
 
 /// The point of rough ground near the plane `z = 10` that is seen along a ray, by bisection.
-fn ground(origin: &Point3<f64>, ray: &nalgebra::Vector3<f64>) -> Point3<f64> {
+fn ground(origin: &Point3<f64>, ray: &selenograph_geometry::Vector3<f64>) -> Point3<f64> {
     let height =
         |x: f64, y: f64| 0.9 * (1.3 * x).sin() * (1.1 * y + 0.4).cos() + 0.4 * (2.9 * x + 1.7 * y).sin();
     let (mut near, mut far) = (4.0, 30.0);

@@ -16,7 +16,7 @@ mod parameter;
 
 pub use hapke::{HFunction, Hapke, HapkeVersion};
 pub use hapke1963::Hapke1963;
-pub use lanes::Lanes;
+pub(crate) use lanes::Lanes;
 pub use lunar_lambert::{LunarLambert, LunarShare};
 pub use minnaert::Minnaert;
 pub use parameter::ParameterError;
@@ -85,7 +85,7 @@ impl Brdf {
     }
 
     /// The fast form, with everything worked out that does not depend on the angles.
-    pub fn prepared(&self) -> Prepared {
+    pub(crate) fn prepared(&self) -> Prepared {
         match self {
             Self::Lambert => Prepared::Lambert,
             Self::LommelSeeliger => Prepared::LommelSeeliger,
@@ -99,7 +99,7 @@ impl Brdf {
 
 /// The angles of the fast form.
 #[derive(Debug, Clone, Copy)]
-pub struct Angles<L> {
+pub(crate) struct Angles<L> {
     /// cos i.
     pub mu0: L,
     /// cos e.
@@ -111,7 +111,7 @@ pub struct Angles<L> {
 
 /// A law ready for [`Prepared::radiance_factor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Prepared {
+pub(crate) enum Prepared {
     /// See [`Brdf::Lambert`].
     Lambert,
     /// See [`Brdf::LommelSeeliger`].

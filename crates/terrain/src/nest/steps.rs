@@ -117,7 +117,7 @@ impl Steps {
     }
 
     /// 99th percentile and maximum over all stretches, metres.
-    pub fn p99_and_max_m(&self) -> (f64, f64) {
+    pub(crate) fn p99_and_max_m(&self) -> (f64, f64) {
         let mut all: Vec<f64> = self.0.iter().flat_map(|s| s.steps_m.iter().copied()).collect();
         all.sort_by(f64::total_cmp);
         let p99 = all.get(all.len().saturating_sub(1) * 99 / 100).copied().unwrap_or(0.0);

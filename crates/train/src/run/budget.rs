@@ -14,11 +14,11 @@ const OFF_PACE: f64 = 0.05;
 
 impl Trainer<'_> {
     pub(super) fn elapsed_s(&self) -> f64 {
-        (self.hands.clock)().saturating_sub(self.epoch_zero).as_secs_f64()
+        (self.context.clock)().saturating_sub(self.epoch_zero).as_secs_f64()
     }
 
     pub(super) fn is_over(&self) -> bool {
-        let of_time = self.hands.budget_s.is_some_and(|budget| {
+        let of_time = self.context.budget_s.is_some_and(|budget| {
             let spare = self.save_s + self.validation_s + self.step_s().unwrap_or(0.0);
             self.state.step > 0 && self.elapsed_s() + spare > budget
         });
@@ -40,7 +40,7 @@ impl Trainer<'_> {
     /// Fractional epoch of the schedule after `step` steps.
     pub(super) fn epoch_at(&self, step: u64) -> f64 {
         let epochs = self.settings.epochs;
-        match (self.hands.budget_s, self.state.total_steps) {
+        match (self.context.budget_s, self.state.total_steps) {
             // Until a budget is sized the schedule follows the clock.
             (Some(budget_s), None) => epochs * self.state.elapsed_s / budget_s,
             (Some(_), Some(total)) => {
@@ -49,13 +49,13 @@ impl Trainer<'_> {
                 epoch + (epochs - epoch) * (step as f64 - from as f64) / left
             }
             (None, _) => {
-                step as f64 * self.settings.accumulate as f64 / self.hands.source.batches_per_epoch() as f64
+                step as f64 * self.settings.accumulate as f64 / self.context.source.batches_per_epoch() as f64
             }
         }
     }
 
     pub(super) fn size_budget(&mut self) -> Result<(), Error> {
-        let Some(budget_s) = self.hands.budget_s.filter(|_| self.state.total_steps.is_none()) else {
+        let Some(budget_s) = self.context.budget_s.filter(|_| self.state.total_steps.is_none()) else {
             return Ok(());
         };
         let elapsed_s = self.elapsed_s();
@@ -72,7 +72,7 @@ impl Trainer<'_> {
 
     /// Sizes the rest of a budget again, where it would not be kept.
     pub(super) fn resize_budget(&mut self) {
-        let (Some(budget_s), Some(total)) = (self.hands.budget_s, self.state.total_steps) else { return };
+        let (Some(budget_s), Some(total)) = (self.context.budget_s, self.state.total_steps) else { return };
         if self.num_timed() < TIMED_STEPS {
             return;
         }

@@ -10,9 +10,9 @@ pub mod page;
 pub mod preset;
 mod settings;
 mod step;
-pub mod tensorboard;
+mod tensorboard;
 mod trainer;
 pub mod validation;
 
 pub use settings::{CheckpointSettings, Precision, TrainSettings, ValidationSettings};
-pub use trainer::{BatchSource, Event, Hands, Trainer, Validate, checkpoints, metrics_path};
+pub use trainer::{BatchSource, Event, Trainer, TrainerContext, Validate, checkpoints, metrics_path};
