@@ -4,7 +4,7 @@ use crate::{Error, Passes, PredictOptions};
 use selenograph_engine::MemoryFootprint;
 use selenograph_network::NetworkConfig;
 use selenograph_network::cost::{Directions, Flops};
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 
 /// What the engine reaches of the rate of large products: attention and small layers are slower.
@@ -42,7 +42,7 @@ impl Estimate {
         num_threads: usize,
     ) -> Result<Self, Error> {
         let input = |[width, height]: [usize; 2]| -> Result<[usize; 2], Error> {
-            Ok(Plan::new(width, height, options.input, config.patch_px)?.input)
+            Ok(InputTransform::new(width, height, options.input, config.patch_px)?.input)
         };
         let inputs = [input(pictures[0])?, input(pictures[1])?];
         let both_ways = options.passes == Passes::Symmetric || focal == FocalKnowledge::Guessed;

@@ -9,7 +9,7 @@ use crate::{Density, Error, Executor, Passes, PredictOptions, grid, picture};
 use selenograph_engine::{HeadOutput, Image};
 use selenograph_network::Checkpoint;
 use selenograph_network::checkpoint::HeadCounts;
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_network::model_string::Family;
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::evidence::FocalKnowledge;
@@ -167,7 +167,7 @@ impl Predictor {
         Ok(all
             .map(|((encoding, input), view)| EncodedView {
                 camera: view.camera.clone(),
-                plan: input.plan,
+                transform: input.transform,
                 encoding,
                 is_blank: input.is_blank,
                 notes: input.notes,
@@ -212,7 +212,7 @@ impl Predictor {
             pairs.push((&b.encoding, &a.encoding));
         }
         let mut outputs = self.loaded.decode(&pairs, progress)?.into_iter();
-        let mut next = |first: &Plan, second: &Plan| {
+        let mut next = |first: &InputTransform, second: &InputTransform| {
             outputs.next().map(|[x, y]| [grid::without_padding(x, first), grid::without_padding(y, second)])
         };
         let wrong = || selenograph_engine::Error::Image {
@@ -220,7 +220,7 @@ impl Predictor {
             expected: pairs.len().to_string(),
             found: "0".into(),
         };
-        let forward = next(&a.plan, &b.plan).ok_or_else(wrong)?;
-        Ok((forward, next(&b.plan, &a.plan)))
+        let forward = next(&a.transform, &b.transform).ok_or_else(wrong)?;
+        Ok((forward, next(&b.transform, &a.transform)))
     }
 }

@@ -49,8 +49,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let tilt = if has("--oblique") { 30f64.to_radians() } else { 0.0 };
     let forward = Vector3::new(tilt.sin(), 0.0, tilt.cos());
     let camera = Camera::from_fov(512, 512, 45f64.to_radians())?;
-    let view =
-        View { camera, world_from_cam: lookat::from_forward_and_right(origin, &forward, &Vector3::y())? };
+    let view = Viewpoint {
+        camera,
+        world_from_cam: lookat::from_forward_and_right(origin, &forward, &Vector3::y())?,
+    };
     let azimuth_deg: f64 = value("--azimuth").map_or(Ok(30.0), |v| v.parse())?;
     let site = terrain.body.place(&Point3::new(0.0, 0.0, -terrain.body.radius_m));
     let sun = Sun::at_site(&terrain.body, &site, azimuth_deg.to_radians(), 8f64.to_radians())?;

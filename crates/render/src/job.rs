@@ -4,7 +4,7 @@ use crate::horizon::Horizon;
 use crate::pattern::Patterns;
 use crate::shade::occluded;
 use crate::sun::SunDisc;
-use crate::{Hit, RadianceSettings, Shadows, Tracer, Truth, View};
+use crate::{Hit, RadianceSettings, Shadows, Tracer, Truth, Viewpoint};
 use selenograph_geometry::Point2;
 
 /// Side of the tiles that the picture is made in, pixels.
@@ -13,7 +13,7 @@ pub(crate) const TILE: usize = 8;
 /// What all tiles of a picture share.
 pub(crate) struct Job<'a> {
     pub(crate) tracer: &'a Tracer<'a>,
-    pub(crate) view: &'a View,
+    pub(crate) view: &'a Viewpoint,
     pub(crate) truth: &'a Truth,
     pub(crate) settings: &'a RadianceSettings,
     pub(crate) patterns: Patterns,

@@ -22,7 +22,7 @@ pub mod sun;
 mod tile;
 mod trace;
 mod truth;
-mod view;
+mod viewpoint;
 
 pub use error::Error;
 pub use film::{Exposure, Tone};
@@ -31,4 +31,4 @@ pub use settings::{Albedo, AlbedoMap, InstructionSet, RadianceSettings, Shadows}
 pub use sun::Sun;
 pub use trace::{Hit, Interpolation, LocalSurface, SurfaceHit, Tracer};
 pub use truth::{LightMaps, Truth};
-pub use view::View;
+pub use viewpoint::Viewpoint;

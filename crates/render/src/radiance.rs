@@ -7,7 +7,7 @@ use crate::kernel::MAX_SUNS;
 use crate::pattern::{Patterns, turned};
 use crate::sun::SunDisc;
 use crate::tile::Tile;
-use crate::{Error, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
+use crate::{Error, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, Viewpoint};
 use rayon::prelude::*;
 use selenograph_geometry::{Point2, pixel};
 use selenograph_raster::Raster;
@@ -21,7 +21,7 @@ use selenograph_raster::Raster;
 /// [`Error::Setting`] for unusable settings or a truth of another size.
 pub fn radiance(
     tracer: &Tracer<'_>,
-    view: &View,
+    view: &Viewpoint,
     truth: &Truth,
     suns: &[Sun],
     settings: &RadianceSettings,

@@ -1,7 +1,7 @@
 //! What is true of a picture: geometry per pixel, and light per pixel and Sun.
 
 use crate::shade::Shade;
-use crate::{Error, Hit, Shadows, Sun, Tracer, View};
+use crate::{Error, Hit, Shadows, Sun, Tracer, Viewpoint};
 use rayon::prelude::*;
 use selenograph_geometry::Point3;
 
@@ -58,7 +58,7 @@ impl Truth {
     ///
     /// # Errors
     /// [`Error::CameraBelowGround`].
-    pub fn cast(tracer: &Tracer<'_>, view: &View) -> Result<Self, Error> {
+    pub fn cast(tracer: &Tracer<'_>, view: &Viewpoint) -> Result<Self, Error> {
         view.check_above_ground(tracer.terrain())?;
         let (width, height) = (view.camera.width, view.camera.height);
         let pixels: Vec<Pixel> = (0..width * height)
@@ -85,14 +85,14 @@ impl Truth {
     }
 
     /// The body-fixed point that a pixel's centre sees.
-    pub fn point(&self, view: &View, x: usize, y: usize) -> Option<Point3<f64>> {
+    pub fn point(&self, view: &Viewpoint, x: usize, y: usize) -> Option<Point3<f64>> {
         let depth_z = self.depth_z[y * self.width + x];
         let direction = view.direction(x, y)?;
         depth_z.is_finite().then(|| view.origin() + direction * depth_z)
     }
 }
 
-fn cast_pixel(tracer: &Tracer<'_>, view: &View, x: usize, y: usize) -> Pixel {
+fn cast_pixel(tracer: &Tracer<'_>, view: &Viewpoint, x: usize, y: usize) -> Pixel {
     let Some(direction) = view.direction(x, y) else { return NOTHING };
     let hit = match tracer.first_hit(view.origin(), direction, 0.0, f64::INFINITY) {
         Hit::Sky => return Pixel { sky: true, ..NOTHING },
@@ -127,7 +127,7 @@ pub struct LightMaps {
 
 impl LightMaps {
     /// Angles and shadow for every valid pixel of a truth.
-    pub fn cast(tracer: &Tracer<'_>, view: &View, truth: &Truth, sun: &Sun, shadows: Shadows) -> Self {
+    pub fn cast(tracer: &Tracer<'_>, view: &Viewpoint, truth: &Truth, sun: &Sun, shadows: Shadows) -> Self {
         let width = truth.width;
         let points: Vec<Option<Point3<f64>>> = (0..truth.depth_z.len())
             .into_par_iter()

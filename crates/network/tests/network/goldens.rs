@@ -6,7 +6,7 @@ mod golden_file;
 
 use golden_file::{Golden, relative_error, root, stated_config, weights, with_extension, with_tensors};
 use selenograph_network::checkpoint::{Format, HeadCounts};
-use selenograph_network::input::{Filter, Plan, Rgb8, Rule, SquareCrop};
+use selenograph_network::input::{Filter, InputTransform, Rgb8, Rule, SquareCrop};
 use selenograph_network::layout::{Layout, Purpose, TensorSpec};
 use selenograph_network::{Checkpoint, Error, NetworkConfig, Preset};
 use std::path::{Path, PathBuf};
@@ -178,13 +178,16 @@ fn check_picture(golden: &Golden, case: usize) {
     let size = out_width.max(out_height);
     let stays_square = width == height && out_width == out_height;
     let square = if stays_square { SquareCrop::Keep } else { SquareCrop::FourThirds };
-    let plan = Plan::new(width, height, Rule::Published { size, square }, 16).unwrap();
-    let input = plan.apply(&picture).unwrap();
+    let transform = InputTransform::new(width, height, Rule::Published { size, square }, 16).unwrap();
+    let input = transform.apply(&picture).unwrap();
     assert_eq!([out_height, out_width], [input.height(), input.width()], "case {case}");
     let (planes, area) = (bytes(&out), input.width() * input.height());
     let worst = (0..area * 3).map(|i| input.data()[i].abs_diff(planes[i % 3 * area + i / 3])).max().unwrap();
-    println!("case {case}: {:?}, worst difference {worst} grey levels", plan.filter);
+    println!("case {case}: {:?}, worst difference {worst} grey levels", transform.filter);
     // The library rounds each pass to bytes; an input one level off is its own spread between versions.
     assert!(worst <= 1, "case {case}: {worst} grey levels");
-    assert_eq!(plan.filter == Filter::Lanczos, plan.source.iter().max() > plan.resized.iter().max());
+    assert_eq!(
+        transform.filter == Filter::Lanczos,
+        transform.source.iter().max() > transform.resized.iter().max()
+    );
 }

@@ -6,14 +6,14 @@ use selenograph_terrain::Terrain;
 
 /// A camera and where it is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct Viewpoint {
     /// Intrinsics.
     pub camera: Camera,
     /// Pose.
     pub world_from_cam: Rigid3<BodyFixed, Cam>,
 }
 
-impl View {
+impl Viewpoint {
     /// Centre of projection in the body-fixed frame, metres.
     pub fn origin(&self) -> Point3<f64> {
         self.world_from_cam.origin()
