@@ -20,8 +20,15 @@ struct Plot<'a> {
     y_ends: [f64; 2],
 }
 
+impl Chart {
+    /// The drawing; one element, usable in a page and as a file.
+    pub fn svg(&self) -> String {
+        svg(self)
+    }
+}
+
 /// The drawing.
-pub(super) fn svg(chart: &Chart) -> String {
+fn svg(chart: &Chart) -> String {
     let (legend, legend_rows) = legend(chart);
     let plot = Plot::new(chart, legend_rows);
     let mut out = format!(

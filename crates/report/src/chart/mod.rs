@@ -107,11 +107,6 @@ impl Chart {
         }
         chart
     }
-
-    /// The drawing; one element, usable in a page and as a file.
-    pub fn svg(&self) -> String {
-        draw::svg(self)
-    }
 }
 
 fn ends(intervals: &[[f64; 3]]) -> Vec<[f64; 2]> {
