@@ -4,7 +4,7 @@
 //!
 //! | you want to | open |
 //! | --- | --- |
-//! | know the dimensions of a network | [`config`], [`presets`] |
+//! | know the dimensions of a network | [`config`], [`Preset`] |
 //! | know each tensor's name, shape and first value | [`layout`] |
 //! | read a checkpoint, or write one | [`checkpoint`], [`safetensors`], [`random`] |
 //! | know what a forward pass costs | [`cost`] |

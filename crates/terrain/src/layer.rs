@@ -15,7 +15,7 @@ pub struct Layer {
     pub heights: Block,
     /// Max and min levels.
     pub pyramid: Pyramid,
-    /// Effective cell size per [`SUPPORT_BLOCK`]² cells, metres: larger than the grid's own where the layer was filled
+    /// Effective cell size per `SUPPORT_BLOCK`² cells, metres: larger than the grid's own where the layer was filled
     /// from a coarser one; `None` if it is the grid's own everywhere.
     pub support_m: Option<Block>,
     /// Size of the grid's own cells, metres.

@@ -19,7 +19,7 @@ pub struct PyramidShape {
     pub rows: Vec<usize>,
     /// Where a level starts in the block of max levels (entry 0 is unused).
     pub max_offset: Vec<usize>,
-    /// Where a level starts in the block of min levels (entries below [`FIRST_MIN_LEVEL`] are unused).
+    /// Where a level starts in the block of min levels (entries below `FIRST_MIN_LEVEL` are unused).
     pub min_offset: Vec<usize>,
     /// Length of the block of max levels.
     pub max_len: usize,
@@ -126,7 +126,7 @@ impl Pyramid {
 
 /// One finished row of one level, handed out by [`PyramidBuilder::push_row`].
 pub(crate) struct LevelRow<'a> {
-    /// Level, 1 or higher. Min values count from [`FIRST_MIN_LEVEL`] on.
+    /// Level, 1 or higher. Min values count from `FIRST_MIN_LEVEL` on.
     pub level: usize,
     /// Row within the level.
     pub row: usize,

@@ -2,7 +2,7 @@
 //!
 //! Every law is given as its *radiance factor* `I/F = π r`, with `r` the bidirectional reflectance (radiance over
 //! the irradiance on a plane normal to the light). It already contains the cosine of incidence: nobody multiplies by
-//! it again. Each exists twice: an `f64` reference, and a fast form in [`Lanes`] that a test compares with it.
+//! it again. Each exists twice: an `f64` reference, and a fast form in lanes that a test compares with it.
 
 mod hapke;
 mod hapke1963;
