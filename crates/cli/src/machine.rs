@@ -1,9 +1,10 @@
 //! What this machine has: memory, disk, and how fast it multiplies.
 
-use selenograph_engine::Yardstick;
+use crate::commands::clock::instant;
+use selenograph_engine::GemmBenchmark;
 use serde::Serialize;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How long multiplying is timed, once it is warm.
 const TIMED: Duration = Duration::from_millis(250);
@@ -72,19 +73,19 @@ pub fn disk_free(_folder: &Path) -> Option<u64> {
 
 /// Floating-point operations per second in products of large matrices, with all threads, measured now in a fraction of a second.
 pub fn product_rate() -> f64 {
-    let mut yardstick = Yardstick::new(768, 1024, 2048);
+    let mut product = GemmBenchmark::new(768, 1024, 2048);
     // The first touches all memory and wakes the threads.
-    yardstick.run();
-    let start = Instant::now();
+    product.run();
+    let start = instant();
     let mut fastest = Duration::MAX;
     let mut num_products = 0;
     while num_products < MIN_PRODUCTS || start.elapsed() < TIMED {
-        let one = Instant::now();
-        yardstick.run();
+        let one = instant();
+        product.run();
         fastest = fastest.min(one.elapsed());
         num_products += 1;
     }
-    yardstick.num_flops() / fastest.as_secs_f64()
+    product.num_flops() / fastest.as_secs_f64()
 }
 
 #[cfg(test)]

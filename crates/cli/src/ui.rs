@@ -1,10 +1,10 @@
 //! What the user sees: data on stdout, everything else on stderr.
 
 use crate::args::Global;
+use crate::commands::clock::instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::time::Instant;
 
 /// The two streams, and how much goes to them.
 pub struct Ui {
@@ -65,7 +65,7 @@ impl Ui {
 
     /// Does a stage of the work; with --verbose, tells how long it took.
     pub fn timed<T>(&self, stage: &str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
+        let start = instant();
         let done = work();
         self.detail(&format!("time: {stage} {:.3} s", start.elapsed().as_secs_f64()));
         done

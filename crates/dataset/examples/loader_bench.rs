@@ -6,6 +6,7 @@
 //! (4096² nodes of 20 m). `--campaign` is a TOML file or the name of a preset. Each line is one way of loading; the
 //! differences between lines say what a step costs. `--sheet` draws the first samples, A above B.
 
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 use selenograph_dataset::augment::{Augmentation, Fidelity, Photometric, Windows};

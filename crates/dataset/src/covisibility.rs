@@ -9,7 +9,7 @@ use crate::plan::coverage::in_frame;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 use selenograph_geometry::pixel;
-use selenograph_render::{Hit, Tracer, Truth, View};
+use selenograph_render::{Hit, Tracer, Truth, Viewpoint};
 
 /// A ray that stops this far before the point is taken to have reached it, metres: far above the rounding of positions at
 /// the Moon's radius (1e-9 m), even where it is stretched by a grazing view, and far below any relief.
@@ -32,7 +32,7 @@ pub enum Sight {
 }
 
 /// Where a point lies in a view.
-pub fn sight(tracer: &Tracer<'_>, point: &Point3<f64>, view: &View) -> Sight {
+pub fn sight(tracer: &Tracer<'_>, point: &Point3<f64>, view: &Viewpoint) -> Sight {
     let at = match view.project(point) {
         Some(at) if in_frame(&view.camera, Some(at)) => at,
         _ => return Sight::Outside,
@@ -50,9 +50,9 @@ pub fn sight(tracer: &Tracer<'_>, point: &Point3<f64>, view: &View) -> Sight {
 /// each axis.
 pub fn correspondence(
     tracer: &Tracer<'_>,
-    from: &View,
+    from: &Viewpoint,
     truth: &Truth,
-    other: &View,
+    other: &Viewpoint,
     stride: usize,
 ) -> Vec<Sight> {
     let stride = stride.max(1);
@@ -102,7 +102,13 @@ pub fn pixel_maps(sights: &[Sight]) -> [Vec<f32>; 3] {
 ///
 /// Correct data leave the rounding of the stored depth; half a pixel in K, range taken for depth or a flipped pose leave
 /// tenths of a pixel and more wherever the ground is not flat in the camera's frame.
-pub fn warp_errors_px(tracer: &Tracer<'_>, a: &View, depth_z: &[f32], b: &View, stride: usize) -> Vec<f64> {
+pub fn warp_errors_px(
+    tracer: &Tracer<'_>,
+    a: &Viewpoint,
+    depth_z: &[f32],
+    b: &Viewpoint,
+    stride: usize,
+) -> Vec<f64> {
     let (width, stride) = (a.camera.width, stride.max(1));
     let pixels: Vec<usize> =
         (0..depth_z.len()).filter(|n| (n % width) % stride == 0 && (n / width) % stride == 0).collect();

@@ -11,7 +11,7 @@ use crate::pair::{PAIR_NAME, PairRecord, ViewName, list_pairs, read_json};
 use crate::rng::rng;
 use nalgebra::Point3;
 use selenograph_geometry::{Body, Pole, Projection, pixel};
-use selenograph_render::{Hit, Tracer, View};
+use selenograph_render::{Hit, Tracer, Viewpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -272,7 +272,7 @@ fn looked_at(width: usize, height: usize) -> impl Iterator<Item = (usize, usize)
 /// The ground that two views see of a terrain.
 pub(crate) fn footprint_of_views(
     tracer: &Tracer<'_>,
-    views: &[View; 2],
+    views: &[Viewpoint; 2],
     map: &Projection,
     pair_id: u64,
 ) -> Option<Footprint> {

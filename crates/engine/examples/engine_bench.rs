@@ -4,6 +4,7 @@
 //! `pair HEIGHT WIDTH IMAGES OUTPUTS` (two images as the network wants them, raw f32; both views' outputs, likewise),
 //! `match` (their descriptors), `symmetric` (the pair both ways), `gemm`.
 //! `engine_bench` alone times the matching of made-up descriptors. `RAYON_NUM_THREADS` sets the threads.
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program talks to its user")]
 
 use std::io::Write;
@@ -11,7 +12,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use selenograph_engine::matching::{DescriptorMap, Matcher};
-use selenograph_engine::{Engine, HeadOutput, Image, Probe, Stage, Yardstick};
+use selenograph_engine::{Engine, GemmBenchmark, HeadOutput, Image, Probe, Stage};
 use selenograph_network::Checkpoint;
 use serde_json::{Value, json};
 
@@ -149,13 +150,13 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
 /// The rate of products of the encoder's largest shape, by wall time and per core by processor time.
 fn gemm_gflop_s() -> [f64; 2] {
     const RUNS: u32 = 6;
-    let mut yardstick = Yardstick::new(2048, 1024, 4096);
+    let mut product = GemmBenchmark::new(2048, 1024, 4096);
     let mut best = [f64::INFINITY; 2];
     for _ in 0..3 {
-        let spent = seconds(&mut || (0..RUNS).for_each(|_| yardstick.run()));
+        let spent = seconds(&mut || (0..RUNS).for_each(|_| product.run()));
         best = [0, 1].map(|idx| spent[idx].min(best[idx]));
     }
-    best.map(|spent| f64::from(RUNS) * yardstick.num_flops() / spent / 1e9)
+    best.map(|spent| f64::from(RUNS) * product.num_flops() / spent / 1e9)
 }
 
 /// The better of three times.

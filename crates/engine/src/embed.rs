@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use selenograph_network::config::{IMAGE_CHANNELS, NetworkConfig};
 
 use crate::attention::Grid;
-use crate::encoder::Image;
 use crate::error::Result;
 use crate::gemm::Finish;
+use crate::image::Image;
 use crate::packed::Packed;
 use crate::stem::{Stem, StemMaps};
 use crate::transformer::Context;

@@ -1,28 +1,19 @@
 //! The encoder's blocks.
 
-use selenograph_network::config::{IMAGE_CHANNELS, NetworkConfig, Transformer};
+use selenograph_network::config::{NetworkConfig, Transformer};
 
 use crate::attention::Grid;
 use crate::buffer::{Loan, Pool};
+use crate::config::check;
 use crate::embed::Embedding;
 use crate::error::{Error, Result, SourceError};
+use crate::image::Image;
 use crate::kernel::Simd;
 use crate::probe::{Stage, Watch};
 use crate::rope::Rope;
 use crate::stem::StemMaps;
 use crate::transformer::{Context, EncoderBlock};
 use crate::weights::{NamedTensor, Reader};
-
-/// An image as the network wants it: values from −1 to 1, channels first.
-#[derive(Debug, Clone, Copy)]
-pub struct Image<'a> {
-    /// Rows, a multiple of the patch.
-    pub height_px: usize,
-    /// Columns, a multiple of the patch.
-    pub width_px: usize,
-    /// `[3, height, width]`.
-    pub values: &'a [f32],
-}
 
 /// The encoder without its last normalisation: what stays the same while a network that is fine-tuned learns the rest.
 pub struct Encoder {
@@ -44,7 +35,7 @@ impl Encoder {
         config: &NetworkConfig,
         source: &mut dyn FnMut(&str) -> std::result::Result<NamedTensor, SourceError>,
     ) -> Result<Self> {
-        crate::engine::check(config)?;
+        check(config)?;
         if let Some(dims) = config.stem_dims {
             let (what, expected) = ("stem_dims", "none: the heads read a stem's maps too".to_owned());
             return Err(Error::Config { what, expected, found: format!("{dims:?}") });
@@ -91,7 +82,7 @@ impl Encoder {
         watch: &mut Watch<'_>,
     ) -> Result<(Loan<'_>, Vec<Grid>, Vec<Option<StemMaps>>)> {
         for image in images {
-            self.check_image(image)?;
+            image.check(self.embedding.patch_px)?;
         }
         let context = Context { level: self.level, pool: &self.pool };
         let (dim, patch) = (self.shape.dim, self.embedding.patch_px);
@@ -107,22 +98,6 @@ impl Encoder {
             watch.finished(Stage::EncoderBlock { idx });
         }
         Ok((tokens, grids, maps))
-    }
-
-    fn check_image(&self, image: &Image<'_>) -> Result<()> {
-        let patch = self.embedding.patch_px;
-        for (what, side) in [("height", image.height_px), ("width", image.width_px)] {
-            if side == 0 || side % patch != 0 {
-                let expected = format!("a multiple of {patch} pixels");
-                return Err(Error::Image { what, expected, found: side.to_string() });
-            }
-        }
-        let expected = IMAGE_CHANNELS * image.height_px * image.width_px;
-        if image.values.len() != expected {
-            let found = image.values.len().to_string();
-            return Err(Error::Image { what: "number of values", expected: expected.to_string(), found });
-        }
-        Ok(())
     }
 }
 

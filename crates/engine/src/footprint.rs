@@ -21,7 +21,7 @@ const BLOCKS_UNTIL_STEADY: usize = 2;
 
 /// Bytes that [`Engine`](crate::Engine) takes for a pair; pictures and checkpoint are the caller's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Footprint {
+pub struct MemoryFootprint {
     /// Held from loading on: packed weights.
     pub weights: usize,
     /// While loading, on top of the weights at most: the largest tensor as the checkpoint has it.
@@ -32,7 +32,7 @@ pub struct Footprint {
     pub results: usize,
 }
 
-impl Footprint {
+impl MemoryFootprint {
     /// For a pair of inputs, `[width, height]` in pixels each, whole patches.
     ///
     /// # Errors

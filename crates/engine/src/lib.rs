@@ -6,6 +6,7 @@
 
 mod attention;
 mod buffer;
+mod config;
 mod conv;
 mod dpt;
 mod embed;
@@ -15,7 +16,9 @@ mod error;
 pub mod focal;
 mod footprint;
 mod gemm;
+mod gemm_benchmark;
 mod head;
+mod image;
 mod kernel;
 pub mod matching;
 mod output;
@@ -27,14 +30,14 @@ mod transformer;
 mod upsample;
 mod vector;
 mod weights;
-mod yardstick;
 
-pub use encoder::{Encoder, Image};
+pub use encoder::Encoder;
 pub use engine::{Encoding, Engine};
 pub use error::{Error, Result, SourceError};
-pub use footprint::Footprint;
+pub use footprint::MemoryFootprint;
+pub use gemm_benchmark::GemmBenchmark;
+pub use image::Image;
 pub use kernel::Simd;
 pub use output::HeadOutput;
 pub use probe::{Probe, Stage};
 pub use weights::NamedTensor;
-pub use yardstick::Yardstick;

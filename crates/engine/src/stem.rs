@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use selenograph_network::config::{IMAGE_CHANNELS, STEM_VARIANCE_FLOOR};
 
 use crate::conv::Residual;
-use crate::encoder::Image;
 use crate::error::Result;
 use crate::gemm::Finish;
+use crate::image::Image;
 use crate::packed::Packed;
 use crate::transformer::Context;
 use crate::upsample::Pixels;

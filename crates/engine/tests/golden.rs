@@ -4,18 +4,21 @@
     clippy::print_stdout,
     reason = "a test fails by panicking, and says what it read"
 )]
-#![allow(dead_code, reason = "the reader of goldens serves two tests")]
+#![allow(dead_code, unused_imports, reason = "the reader of goldens serves two tests")]
 
 mod goldens;
 
-use goldens::{Collected, Golden, Tolerance, network, root};
+use goldens::{
+    Collected, Golden, OwnImage, Tolerance, inference_cases, network, root, training_cases, with_tensors,
+};
 use selenograph_engine::{Engine, HeadOutput, Simd};
+use std::path::Path;
 
 /// `max(5e-4, 10 × figure)` of the goldens' README, relative to the tensor's largest value.
 const TOLERANCE: Tolerance = Tolerance(5e-4);
 
 /// Every set of instructions that this processor has.
-fn engines(folder: &str) -> Vec<Engine> {
+fn engines(folder: &Path) -> Vec<Engine> {
     [Simd::Plain, Simd::Avx2, Simd::Avx512]
         .into_iter()
         .filter(|level| level.is_present())
@@ -34,10 +37,9 @@ fn check_output(golden: &Golden, name: &str, points: &str, item: usize, output: 
 }
 
 /// All batch items of a case, with every intermediate that the reference kept.
-fn check_case(folder: &str, case: &str) {
-    let Some(root) = root(&format!("golden {folder}/{case}")) else { return };
-    let golden = Golden::open(&root.join(folder).join(format!("{case}.safetensors")));
-    for engine in engines(folder) {
+fn check_case(case: &Path) {
+    let golden = Golden::open(case);
+    for engine in engines(case.parent().unwrap()) {
         for item in 0..golden.shape("img1")[0] {
             let mut seen = Collected::default();
             let encodings = [1, 2].map(|view| {
@@ -58,7 +60,8 @@ fn check_case(folder: &str, case: &str) {
                 &b,
             ));
             println!(
-                "{folder}/{case} {}: {} intermediates, worst {inner:.1e}; outputs {outer:.1e}",
+                "{} {}: {} intermediates, worst {inner:.1e}; outputs {outer:.1e}",
+                case.display(),
                 engine.simd().name(),
                 seen.len()
             );
@@ -66,65 +69,52 @@ fn check_case(folder: &str, case: &str) {
     }
 }
 
+/// Square, landscape, portrait, mixed views with odd grids, of more than one network.
 #[test]
-fn shared_golden_square() {
-    check_case("tiny", "inf_square");
+fn shared_golden_every_case() {
+    let Some(root) = root("golden inference") else { return };
+    for case in inference_cases(&root) {
+        check_case(&case);
+    }
 }
 
-#[test]
-fn shared_golden_landscape() {
-    check_case("tiny", "inf_landscape");
-}
-
-#[test]
-fn shared_golden_portrait() {
-    check_case("tiny", "inf_portrait");
-}
-
-#[test]
-fn shared_golden_mixed_with_odd_grids() {
-    check_case("tiny", "inf_mixed");
-}
-
-#[test]
-fn shared_golden_medium_square() {
-    check_case("medium", "inf_128x128");
-}
-
-#[test]
-fn shared_golden_medium_landscape() {
-    check_case("medium", "inf_96x128");
+/// Cases that the reference also decoded the other way round, with their networks and first pairs.
+fn swapped_cases(root: &Path) -> Vec<(Golden, Engine, OwnImage, OwnImage)> {
+    let open = |case: std::path::PathBuf| {
+        let golden = Golden::open(&case);
+        let (a, b) = (golden.image("img1", 0), golden.image("img2", 0));
+        (golden, network(case.parent().unwrap(), Simd::detect()), a, b)
+    };
+    with_tensors(root, &["img1", "img2", "out1.pts3d", "swap22.pts3d"]).into_iter().map(open).collect()
 }
 
 #[test]
 fn shared_golden_symmetric() {
     let Some(root) = root("golden swapped") else { return };
-    let golden = Golden::open(&root.join("tiny/inf_mixed.safetensors"));
-    let engine = network("tiny", Simd::detect());
-    let (a, b) = (golden.image("img1", 0), golden.image("img2", 0));
-    let [forward, backward] = engine.infer_symmetric(a.borrowed(), b.borrowed()).unwrap();
-    check_output(&golden, "out1", "pts3d", 0, &forward[0]);
-    check_output(&golden, "out2", "pts3d_in_other_view", 0, &forward[1]);
-    check_output(&golden, "swap22", "pts3d", 0, &backward[0]);
-    check_output(&golden, "swap12", "pts3d_in_other_view", 0, &backward[1]);
-    // Alone, in a batch, from a cache: the same bits.
-    assert_eq!(engine.infer(a.borrowed(), b.borrowed()).unwrap(), forward);
-    assert_eq!(engine.infer(b.borrowed(), a.borrowed()).unwrap(), backward);
+    for (golden, engine, a, b) in swapped_cases(&root) {
+        let [forward, backward] = engine.infer_symmetric(a.borrowed(), b.borrowed()).unwrap();
+        check_output(&golden, "out1", "pts3d", 0, &forward[0]);
+        check_output(&golden, "out2", "pts3d_in_other_view", 0, &forward[1]);
+        check_output(&golden, "swap22", "pts3d", 0, &backward[0]);
+        check_output(&golden, "swap12", "pts3d_in_other_view", 0, &backward[1]);
+        // Alone, in a batch, from a cache: the same bits.
+        assert_eq!(engine.infer(a.borrowed(), b.borrowed()).unwrap(), forward);
+        assert_eq!(engine.infer(b.borrowed(), a.borrowed()).unwrap(), backward);
+    }
 }
 
 #[test]
 fn shared_golden_any_number_of_threads() {
     let Some(root) = root("golden threads") else { return };
-    let golden = Golden::open(&root.join("tiny/inf_mixed.safetensors"));
-    let engine = network("tiny", Simd::detect());
-    let (a, b) = (golden.image("img1", 0), golden.image("img2", 0));
-    let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| engine.infer(a.borrowed(), b.borrowed()).unwrap())
-    };
-    let one = run(1);
-    for threads in [2, 3, 7] {
-        assert_eq!(run(threads), one, "{threads} threads");
+    for (_, engine, a, b) in swapped_cases(&root) {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| engine.infer(a.borrowed(), b.borrowed()).unwrap())
+        };
+        let one = run(1);
+        for threads in [2, 3, 7] {
+            assert_eq!(run(threads), one, "{threads} threads");
+        }
     }
 }
 
@@ -132,17 +122,19 @@ fn shared_golden_any_number_of_threads() {
 #[test]
 fn shared_golden_many_aspect_ratios() {
     let Some(root) = root("golden many aspect ratios") else { return };
-    let golden = Golden::open(&root.join("tiny/train.safetensors"));
-    let engine = network("tiny", Simd::detect());
-    for pair in 0..2 {
-        let views = [1, 2].map(|view| golden.upright_image(view, pair));
-        let encodings = engine.encode(&[views[0].0.borrowed(), views[1].0.borrowed()]).unwrap();
-        for (item, (first, second)) in [(2 * pair, (0, 1)), (2 * pair + 1, (1, 0))] {
-            let outputs = engine.decode(&[(&encodings[first], &encodings[second])]).unwrap();
-            for (side, view) in [(0, first), (1, second)] {
-                let output = goldens::stored(&outputs[0][side], views[view].1);
-                let points = if side == 0 { "pts3d" } else { "pts3d_in_other_view" };
-                check_output(&golden, &format!("pred{}", side + 1), points, item, &output);
+    for case in training_cases(&root) {
+        let golden = Golden::open(&case);
+        let engine = network(case.parent().unwrap(), Simd::detect());
+        for pair in 0..golden.shape("gt1.img")[0] {
+            let views = [1, 2].map(|view| golden.upright_image(view, pair));
+            let encodings = engine.encode(&[views[0].0.borrowed(), views[1].0.borrowed()]).unwrap();
+            for (item, (first, second)) in [(2 * pair, (0, 1)), (2 * pair + 1, (1, 0))] {
+                let outputs = engine.decode(&[(&encodings[first], &encodings[second])]).unwrap();
+                for (side, view) in [(0, first), (1, second)] {
+                    let output = goldens::stored(&outputs[0][side], views[view].1);
+                    let points = if side == 0 { "pts3d" } else { "pts3d_in_other_view" };
+                    check_output(&golden, &format!("pred{}", side + 1), points, item, &output);
+                }
             }
         }
     }

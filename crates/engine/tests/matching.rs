@@ -4,11 +4,11 @@
     clippy::print_stdout,
     reason = "a test fails by panicking, and says what it read"
 )]
-#![allow(dead_code, reason = "the reader of goldens serves two tests")]
+#![allow(dead_code, unused_imports, reason = "the reader of goldens serves two tests")]
 
 mod goldens;
 
-use goldens::{Golden, root};
+use goldens::{Golden, root, stated, with_tensors};
 use selenograph_engine::Simd;
 use selenograph_engine::focal::{bound_focal, focal_of_pointmap, median_focal_of_pointmap};
 use selenograph_engine::matching::{
@@ -39,70 +39,95 @@ fn pairs(golden: &Golden, name: &str) -> Vec<PixelPair> {
     a.into_iter().zip(b).map(|(a, b)| [a, b]).collect()
 }
 
+/// The spacings of starts of which a file holds the matches: `S8` for one in eight pixels.
+fn spacings(golden: &Golden) -> Vec<usize> {
+    let number = |name: &String| name.strip_prefix('S')?.strip_suffix(".xy1")?.parse().ok();
+    golden.0.keys().filter_map(number).collect()
+}
+
 #[test]
 fn shared_golden_matching() {
     let Some(root) = root("golden matching") else { return };
-    let golden = Golden::open(&root.join("fast_nn.safetensors"));
-    let (first, second) = (map(&golden, "desc1"), map(&golden, "desc2"));
-    for level in levels() {
-        let mut matcher = Matcher::with_simd(first, second, level).unwrap();
-        for subsample in [8, 4] {
-            let found = matcher.reciprocal(subsample).unwrap();
-            assert_eq!(found, pairs(&golden, &format!("S{subsample}")), "{level:?}");
-            let sizes = [(first.width_px, first.height_px), (second.width_px, second.height_px)];
-            let kept: Vec<f32> =
-                found.iter().map(|pair| f32::from(u8::from(inside_border(*pair, sizes, 3)))).collect();
-            assert_eq!(kept, golden.values(&format!("S{subsample}.keep")));
-        }
+    for file in with_tensors(&root, &["desc1", "desc2", "bf.nnA", "tol.xy1"]) {
+        let golden = Golden::open(&file);
+        let (first, second) = (map(&golden, "desc1"), map(&golden, "desc2"));
+        let sizes = [(first.width_px, first.height_px), (second.width_px, second.height_px)];
         let indices = |name: &str| golden.values(name).iter().map(|v| *v as u32).collect::<Vec<_>>();
-        assert_eq!(matcher.nearest_of_all(), indices("bf.nnA"), "{level:?}");
-        let starts: Vec<PixelIndex> =
-            indices("tol.init_x").into_iter().zip(indices("tol.init_y")).map(|(x, y)| [x, y]).collect();
-        let mut found = matcher.match_points(&starts, 5.0).unwrap();
-        let mut expected = pairs(&golden, "tol");
-        found.sort_unstable();
-        expected.sort_unstable();
-        assert_eq!(found, expected, "{level:?}");
-        let mut reversed = Matcher::with_simd(second, first, level).unwrap();
-        assert_eq!(reversed.nearest_of_all(), indices("bf.nnB"), "{level:?}");
-        // Dense: by its definition.
-        let (forward, backward) = (indices("bf.nnA"), indices("bf.nnB"));
-        let mutual = forward.iter().enumerate().filter(|(idx, to)| backward[**to as usize] as usize == *idx);
-        assert_eq!(matcher.reciprocal_dense().len(), mutual.count());
+        assert!(!spacings(&golden).is_empty());
+        for level in levels() {
+            let mut matcher = Matcher::with_simd(first, second, level).unwrap();
+            for subsample in spacings(&golden) {
+                let found = matcher.reciprocal(subsample).unwrap();
+                assert_eq!(found, pairs(&golden, &format!("S{subsample}")), "{level:?}");
+                let keep = format!("S{subsample}.keep");
+                let Some(border) = stated(&root, &keep, "border filter (") else { continue };
+                let is_kept = |pair: &PixelPair| inside_border(*pair, sizes, border as usize);
+                let kept: Vec<f32> = found.iter().map(|pair| f32::from(u8::from(is_kept(pair)))).collect();
+                assert_eq!(kept, golden.values(&keep));
+            }
+            assert_eq!(matcher.nearest_of_all(), indices("bf.nnA"), "{level:?}");
+            if let Some(tolerance_px) = stated(&root, "tol.init_x", "pixel_tol=") {
+                let starts = indices("tol.init_x").into_iter().zip(indices("tol.init_y"));
+                let starts: Vec<PixelIndex> = starts.map(|(x, y)| [x, y]).collect();
+                let mut found = matcher.match_points(&starts, tolerance_px).unwrap();
+                let mut expected = pairs(&golden, "tol");
+                found.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(found, expected, "{level:?}");
+            }
+            let mut reversed = Matcher::with_simd(second, first, level).unwrap();
+            assert_eq!(reversed.nearest_of_all(), indices("bf.nnB"), "{level:?}");
+            // Dense: by its definition.
+            let (forward, backward) = (indices("bf.nnA"), indices("bf.nnB"));
+            let mutual =
+                forward.iter().enumerate().filter(|(idx, to)| backward[**to as usize] as usize == *idx);
+            assert_eq!(matcher.reciprocal_dense().len(), mutual.count());
+        }
     }
 }
 
 #[test]
 fn shared_golden_matching_drops_long_chains() {
     let Some(root) = root("golden chain") else { return };
-    let golden = Golden::open(&root.join("fast_nn.safetensors"));
-    for level in levels() {
-        let chain = (map(&golden, "chain.desc1"), map(&golden, "chain.desc2"));
-        let mut matcher = Matcher::with_simd(chain.0, chain.1, level).unwrap();
-        assert_eq!(matcher.reciprocal(2).unwrap(), pairs(&golden, "chain"), "{level:?}");
+    let Some(subsample) = stated(&root, "chain.xy1", "subsample ") else { return };
+    for file in with_tensors(&root, &["chain.desc1", "chain.desc2", "chain.xy1"]) {
+        let golden = Golden::open(&file);
+        for level in levels() {
+            let chain = (map(&golden, "chain.desc1"), map(&golden, "chain.desc2"));
+            let mut matcher = Matcher::with_simd(chain.0, chain.1, level).unwrap();
+            let found = matcher.reciprocal(subsample as usize).unwrap();
+            assert_eq!(found, pairs(&golden, "chain"), "{level:?}");
+        }
     }
 }
 
 #[test]
 fn shared_golden_matching_both_ways() {
+    /// The published spacing of starts; the file does not say.
+    const SUBSAMPLE: usize = 8;
     let Some(root) = root("golden symmetric matching") else { return };
-    let golden = Golden::open(&root.join("fast_nn.safetensors"));
-    let described = |map_name: &str, confidence: &str| Described {
-        map: map(&golden, map_name),
-        confidence: golden.values(confidence),
-    };
-    let ways = [
-        [described("desc1", "sym.qonf11"), described("desc2", "sym.qonf21")],
-        [described("sym.desc12", "sym.qonf12"), described("sym.desc22", "sym.qonf22")],
-    ];
-    let found = reciprocal_symmetric(ways, 8).unwrap();
-    let mut expected: Vec<(PixelPair, f32)> =
-        pairs(&golden, "sym").into_iter().zip(golden.values("sym.conf").iter().copied()).collect();
-    expected.sort_by_key(|(pair, _)| pair.map(|[x, y]| [y, x]));
-    assert_eq!(found.len(), expected.len());
-    for ((pair, confidence), (expected_pair, expected)) in found.iter().zip(&expected) {
-        assert_eq!(pair, expected_pair);
-        assert!((confidence - expected).abs() <= CONFIDENCE_ROUNDING * expected, "{confidence} {expected}");
+    for file in with_tensors(&root, &["desc1", "desc2", "sym.xy1", "sym.conf"]) {
+        let golden = Golden::open(&file);
+        let described = |map_name: &str, confidence: &str| Described {
+            map: map(&golden, map_name),
+            confidence: golden.values(confidence),
+        };
+        let ways = [
+            [described("desc1", "sym.qonf11"), described("desc2", "sym.qonf21")],
+            [described("sym.desc12", "sym.qonf12"), described("sym.desc22", "sym.qonf22")],
+        ];
+        let found = reciprocal_symmetric(ways, SUBSAMPLE).unwrap();
+        let mut expected: Vec<(PixelPair, f32)> =
+            pairs(&golden, "sym").into_iter().zip(golden.values("sym.conf").iter().copied()).collect();
+        expected.sort_by_key(|(pair, _)| pair.map(|[x, y]| [y, x]));
+        assert_eq!(found.len(), expected.len());
+        for ((pair, confidence), (expected_pair, expected)) in found.iter().zip(&expected) {
+            assert_eq!(pair, expected_pair);
+            assert!(
+                (confidence - expected).abs() <= CONFIDENCE_ROUNDING * expected,
+                "{confidence} {expected}"
+            );
+        }
     }
 }
 
@@ -163,19 +188,25 @@ fn nearest_by_its_definition() {
 #[test]
 fn shared_golden_focal() {
     let Some(root) = root("golden focal") else { return };
-    let golden = Golden::open(&root.join("geom.safetensors"));
-    let shape = golden.shape("focal.pts3d");
-    let principal = golden.values("focal.pp");
-    let principal = [f64::from(principal[0]), f64::from(principal[1])];
-    let found = focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
-    let close = |found: f64, name: &str| {
-        let expected = f64::from(golden.values(name)[0]);
-        assert!((found / expected - 1.0).abs() < FOCAL_ROUNDING, "{name}: {found} {expected}");
-    };
-    close(found, "focal.weiszfeld");
-    close(bound_focal(found, (shape[1], shape[0]), (2.0, 3.5)), "focal.weiszfeld_clipped");
-    let median = median_focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
-    close(median, "focal.median");
+    for file in with_tensors(&root, &["focal.pts3d", "focal.pp", "focal.weiszfeld"]) {
+        let golden = Golden::open(&file);
+        let shape = golden.shape("focal.pts3d");
+        let principal = golden.values("focal.pp");
+        let principal = [f64::from(principal[0]), f64::from(principal[1])];
+        let found = focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
+        let close = |found: f64, name: &str| {
+            let expected = f64::from(golden.values(name)[0]);
+            assert!((found / expected - 1.0).abs() < FOCAL_ROUNDING, "{name}: {found} {expected}");
+        };
+        close(found, "focal.weiszfeld");
+        close(bound_focal(found, (shape[1], shape[0]), (2.0, 3.5)), "focal.weiszfeld_clipped");
+        let median = median_focal_of_pointmap(golden.values("focal.pts3d"), shape[1], principal).unwrap();
+        close(median, "focal.median");
+    }
+}
+
+#[test]
+fn points_at_the_camera_have_no_focal_length() {
     assert_eq!(focal_of_pointmap(&[0.0; 12], 2, [1.0, 1.0]), None);
     assert_eq!(median_focal_of_pointmap(&[0.0; 12], 2, [1.0, 1.0]), None);
 }

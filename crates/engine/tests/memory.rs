@@ -8,7 +8,7 @@
 use std::alloc::{GlobalAlloc, Layout as Block, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use selenograph_engine::{Engine, Footprint, Image};
+use selenograph_engine::{Engine, Image, MemoryFootprint};
 use selenograph_network::cost::Directions;
 use selenograph_network::layout::Layout;
 use selenograph_network::{NetworkConfig, Preset};
@@ -89,7 +89,7 @@ fn the_footprint_is_what_the_engine_allocates() {
         let (engine, held, peak) = on_two_threads(|| measured(|| zeros(&config)));
         for sizes in inputs {
             for directions in [Directions::Forward, Directions::Both] {
-                let stated = Footprint::of_pair(&config, sizes, directions, 2).unwrap();
+                let stated = MemoryFootprint::of_pair(&config, sizes, directions, 2).unwrap();
                 check("weights", stated.weights, held);
                 // A bound: the largest tensor is not the last one that is read.
                 let loading = stated.weights + stated.loading;

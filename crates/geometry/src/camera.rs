@@ -60,7 +60,7 @@ impl Distortion {
     }
 
     /// Distorted normalised coordinates → ideal ones, by Newton's method; `None` where the lens model folds over.
-    pub fn undistort(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
+    pub(crate) fn undistort(&self, xd: f64, yd: f64) -> Option<(f64, f64)> {
         if self.is_none() {
             return Some((xd, yd));
         }

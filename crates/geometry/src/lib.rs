@@ -3,68 +3,29 @@
 //! The conventions (axes, pixels, depth, quaternions, datum) are drawn in `docs/conventions.md`.
 #![forbid(unsafe_code)]
 
-pub mod body;
-pub mod camera;
-pub mod frames;
+mod body;
+mod camera;
+mod error;
+mod frames;
 pub mod lookat;
 pub mod pixel;
 pub mod proj_string;
-pub mod projection;
-pub mod rigid;
-pub mod similarity;
+mod projection;
+mod rigid;
+pub mod robust;
+mod similarity;
 pub mod units;
 
 pub use body::{Body, Geodetic};
 pub use camera::{Camera, Distortion, mean_focal_px};
+pub use error::Error;
 pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame, PredA};
-pub use nalgebra::{Matrix3, Point2, Point3, Rotation3, UnitQuaternion, UnitVector3, Vector2, Vector3};
+// The one door to the linear algebra that everything is computed in: other crates take its types from here.
+pub use nalgebra::{
+    DMatrix, Matrix2, Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, RowVector4, SMatrix, SVector,
+    SymmetricEigen, Unit, UnitQuaternion, UnitVector3, Vector2, Vector3,
+};
 pub use pixel::PixelConvention;
 pub use projection::{Pole, Projection};
 pub use rigid::Rigid3;
 pub use similarity::Sim3;
-
-/// What can be wrong with a geometric input.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// A camera matrix or image size that no real camera has.
-    #[error("camera: {what}, found {found}")]
-    Camera {
-        /// What was expected.
-        what: &'static str,
-        /// What was found.
-        found: String,
-    },
-    /// A projection that has no closed form here.
-    #[error("projection `{name}` is not supported")]
-    UnknownProjection {
-        /// The name or string as it was given.
-        name: String,
-    },
-    /// A parameter of a projection is missing or unusable.
-    #[error("projection parameter `{name}`: {what}")]
-    ProjectionParameter {
-        /// Name of the parameter.
-        name: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A matrix that should be a rotation is not.
-    #[error("not a rotation: {what}")]
-    NotARotation {
-        /// How it fails (determinant, orthonormality residual).
-        what: String,
-    },
-    /// A scale that no similarity has.
-    #[error("a similarity's scale must be positive and finite, found {scale}")]
-    Scale {
-        /// The scale as it was given.
-        scale: f64,
-    },
-    /// A viewing direction that leaves the camera's roll undefined.
-    #[error("look-at is degenerate: {what}")]
-    Degenerate {
-        /// Which two directions coincide.
-        what: &'static str,
-    },
-}

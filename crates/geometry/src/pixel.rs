@@ -3,7 +3,10 @@
 //! Inside, continuous pixel coordinates put the centre of the first pixel at (0.5, 0.5), as COLMAP and GDAL have it;
 //! the image covers `[0, width] × [0, height]` and resizing is a pure scale.
 
-use crate::{Camera, Error};
+mod window;
+
+pub use window::{crop, resize};
+
 use serde::{Deserialize, Serialize};
 
 /// Distance from a pixel's corner to its centre.
@@ -42,39 +45,4 @@ pub fn index_of(coordinate: f64) -> i64 {
 /// Position of a continuous coordinate between pixel centres: 0 at the first centre, 1 at the second.
 pub fn sample_position(coordinate: f64) -> f64 {
     coordinate - HALF_PIXEL
-}
-
-/// The camera of a window cut out of an image.
-///
-/// # Errors
-/// [`Error::Camera`] if the window is empty or leaves the image.
-pub fn crop(camera: &Camera, left: usize, top: usize, width: usize, height: usize) -> Result<Camera, Error> {
-    if width == 0 || height == 0 || left + width > camera.width || top + height > camera.height {
-        return Err(Error::Camera {
-            what: "a crop window inside the image",
-            found: format!("{width}×{height} at ({left}, {top}) of {}×{}", camera.width, camera.height),
-        });
-    }
-    Ok(Camera { width, height, cx: camera.cx - left as f64, cy: camera.cy - top as f64, ..camera.clone() })
-}
-
-/// The camera of an image resized to `width × height`.
-///
-/// # Errors
-/// [`Error::Camera`] if a side is zero.
-pub fn resize(camera: &Camera, width: usize, height: usize) -> Result<Camera, Error> {
-    if width == 0 || height == 0 {
-        return Err(Error::Camera { what: "a size of at least 1×1", found: format!("{width}×{height}") });
-    }
-    let sx = width as f64 / camera.width as f64;
-    let sy = height as f64 / camera.height as f64;
-    Ok(Camera {
-        width,
-        height,
-        fx: camera.fx * sx,
-        cx: camera.cx * sx,
-        fy: camera.fy * sy,
-        cy: camera.cy * sy,
-        ..camera.clone()
-    })
 }

@@ -2,12 +2,13 @@
 //!
 //! `model_bench [PRESET [HEIGHT WIDTH [DEVICE [f32|bf16]]]]`, by default `small 256 256 cpu f32`; `RAYON_NUM_THREADS` sets
 //! the threads. Each figure is the least of three runs.
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program talks to its user")]
 
 use std::time::Instant;
 
 use selenograph_model::{
-    Device, Error, Images, Inputs, Keep, Model, Output, Parameter, Precision, Tensor, device,
+    Device, Error, Images, Inputs, Model, Output, Parameter, Precision, SavedActivations, Tensor, device,
 };
 use selenograph_network::layout::{Layout, Part};
 use selenograph_network::{Preset, random};
@@ -92,8 +93,13 @@ fn main() {
         measure(name, &device, &mut run);
     };
     // What needs least memory first: the figure is the largest so far.
-    step("step from features, blocks recomputed", &frozen, Inputs::Features(&features), Keep::BlockInputs);
-    step("step from features", &frozen, Inputs::Features(&features), Keep::Everything);
-    step("step, blocks recomputed", &|_| true, Inputs::Images(&images), Keep::BlockInputs);
-    step("step", &|_| true, Inputs::Images(&images), Keep::Everything);
+    step(
+        "step from features, blocks recomputed",
+        &frozen,
+        Inputs::Features(&features),
+        SavedActivations::BlockInputs,
+    );
+    step("step from features", &frozen, Inputs::Features(&features), SavedActivations::Everything);
+    step("step, blocks recomputed", &|_| true, Inputs::Images(&images), SavedActivations::BlockInputs);
+    step("step", &|_| true, Inputs::Images(&images), SavedActivations::Everything);
 }

@@ -12,7 +12,7 @@ use crate::views::{Encoding, Features, Grid, Images, Tokens, select};
 
 /// What a backward pass finds of the forward pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Keep {
+pub enum SavedActivations {
     /// All that it needs: fastest.
     #[default]
     Everything,
@@ -32,7 +32,7 @@ pub enum Inputs<'a> {
 
 /// A loss and its gradients.
 #[derive(Debug, Clone)]
-pub struct Learned {
+pub struct LossAndGradients {
     /// The loss, off the tape.
     pub loss: Tensor<1>,
     /// By each parameter.
@@ -51,11 +51,11 @@ impl Model {
         learns: &dyn Fn(&Parameter) -> bool,
         inputs: Inputs<'_>,
         pairs: &[[usize; 2]],
-        keep: Keep,
+        keep: SavedActivations,
         loss: &mut dyn FnMut(&[Output; 2]) -> std::result::Result<Tensor<1>, E>,
-    ) -> std::result::Result<Learned, E> {
+    ) -> std::result::Result<LossAndGradients, E> {
         let tracked = self.tracked(learns);
-        if keep == Keep::BlockInputs {
+        if keep == SavedActivations::BlockInputs {
             if self.config().stem_dims.is_some() {
                 let what = "what is kept of a network with a stem";
                 return Err(Error::views(what, "everything: it is small", "block inputs only").into());
@@ -71,7 +71,7 @@ impl Model {
         let [a, b] = sides(&tracked.normalize(&features), pairs)?;
         let loss = loss(&tracked.decode(&a, &b)?)?;
         let gradients = tracked.gradients(&loss);
-        Ok(Learned { loss: loss.without_autodiff(), gradients })
+        Ok(LossAndGradients { loss: loss.without_autodiff(), gradients })
     }
 }
 
@@ -98,7 +98,7 @@ impl Recomputing<'_> {
         mut self,
         inputs: Inputs<'_>,
         loss: &mut dyn FnMut(&[Output; 2]) -> std::result::Result<Tensor<1>, E>,
-    ) -> std::result::Result<Learned, E> {
+    ) -> std::result::Result<LossAndGradients, E> {
         let (grid, mut blocks, features) = match inputs {
             Inputs::Images(images) => self.encode(images)?,
             Inputs::Features(features) => (features.grid.clone(), Vec::new(), features.values.clone()),
@@ -127,7 +127,7 @@ impl Recomputing<'_> {
                 vec![model.patches(&model.root(None), images, &grid).0]
             });
         }
-        Ok(Learned { loss, gradients: self.gradients })
+        Ok(LossAndGradients { loss, gradients: self.gradients })
     }
 
     fn encoder_learns(&self) -> bool {

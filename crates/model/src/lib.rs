@@ -22,7 +22,7 @@ mod views;
 
 pub use burn_tensor::{Device, Tensor};
 pub use error::{Error, Result, SourceError};
-pub use learn::{Inputs, Keep, Learned};
+pub use learn::{Inputs, LossAndGradients, SavedActivations};
 pub use model::Model;
 pub use output::Output;
 pub use parameters::{Gradients, NamedTensor, Parameter, Parameters};

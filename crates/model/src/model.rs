@@ -40,13 +40,6 @@ impl Model {
         Self { precision, ..self }
     }
 
-    /// The same on another device.
-    #[must_use]
-    pub fn to_device(&self, device: &Device) -> Self {
-        let device = device.clone().without_autodiff();
-        self.changed(&|parameter| parameter.value().clone().without_autodiff().to_device(&device))
-    }
-
     /// The same with the parameters that `learns` names on the tape: what is computed with them can be derived by them.
     /// The values are shared, not copied. Parameters that no forward pass reads are left off.
     #[must_use]

@@ -128,16 +128,6 @@ impl Parameters {
         Ok(())
     }
 
-    /// Replaces a parameter's values by numbers in memory.
-    ///
-    /// # Errors
-    /// [`Error::TensorLength`].
-    pub fn set_values(&mut self, idx: usize, values: Vec<f32>) -> Result<()> {
-        let Parameter { spec, value } = &mut self.list[idx];
-        *value = flat(spec, values, &value.device())?;
-        Ok(())
-    }
-
     /// The same with every value mapped, in order.
     pub(crate) fn map(&self, change: &dyn Fn(&Parameter) -> Tensor<1>) -> Self {
         let list =

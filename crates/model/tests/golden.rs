@@ -7,8 +7,9 @@
 
 mod goldens;
 
-use goldens::{Collected, Golden, network, root};
+use goldens::{Collected, Golden, inference_cases, network, root, training_cases, with_tensors};
 use selenograph_model::{Device, Images, Output, device};
+use std::path::Path;
 
 fn test_device() -> Device {
     let name = std::env::var_os("SELENOGRAPH_TEST_DEVICE").unwrap_or_else(|| "cpu".into());
@@ -31,11 +32,10 @@ fn check_output(golden: &Golden, name: &str, points: &str, output: &Output) -> f
 }
 
 /// A batch, with every intermediate that the reference kept; and the same on the tape, whose layers differ.
-fn check_case(folder: &str, case: &str) {
-    let Some(root) = root(&format!("golden {folder}/{case}")) else { return };
+fn check_case(case: &Path) {
     let device = test_device();
-    let golden = Golden::open(&root.join(folder).join(format!("{case}.safetensors")));
-    let plain = network(&root.join(folder), &device);
+    let golden = Golden::open(case);
+    let plain = network(case.parent().unwrap(), &device);
     let tracked = plain.tracked(&|_| true);
     for (mode, model) in [("plain", &plain), ("tracked", &tracked)] {
         let seen = Collected::default();
@@ -52,62 +52,49 @@ fn check_case(folder: &str, case: &str) {
             "pts3d_in_other_view",
             &second,
         ));
-        let count = seen.len();
-        println!("{folder}/{case} {mode}: {count} intermediates, worst {inner:.1e}; outputs {outer:.1e}");
+        let (name, count) = (case.display(), seen.len());
+        println!("{name} {mode}: {count} intermediates, worst {inner:.1e}; outputs {outer:.1e}");
     }
 }
 
+/// Square, landscape, portrait, mixed views with odd grids, of more than one network.
 #[test]
-fn shared_golden_square() {
-    check_case("tiny", "inf_square");
-}
-
-#[test]
-fn shared_golden_landscape() {
-    check_case("tiny", "inf_landscape");
-}
-
-#[test]
-fn shared_golden_portrait() {
-    check_case("tiny", "inf_portrait");
-}
-
-#[test]
-fn shared_golden_mixed_with_odd_grids() {
-    check_case("tiny", "inf_mixed");
-}
-
-#[test]
-fn shared_golden_medium_square() {
-    check_case("medium", "inf_128x128");
-}
-
-#[test]
-fn shared_golden_medium_landscape() {
-    check_case("medium", "inf_96x128");
+fn shared_golden_every_case() {
+    let Some(root) = root("golden inference") else { return };
+    for case in inference_cases(&root) {
+        check_case(&case);
+    }
 }
 
 #[test]
 fn shared_golden_symmetric() {
     let Some(root) = root("golden swapped") else { return };
     let device = test_device();
-    let golden = Golden::open(&root.join("tiny/inf_mixed.safetensors"));
-    let model = network(&root.join("tiny"), &device);
-    let [a, b] = ["img1", "img2"].map(|name| images(&golden, name, &device));
-    let [forward, backward] = model.infer_symmetric(&a, &b).unwrap();
-    check_output(&golden, "out1", "pts3d", &forward[0]);
-    check_output(&golden, "out2", "pts3d_in_other_view", &forward[1]);
-    check_output(&golden, "swap22", "pts3d", &backward[0]);
-    check_output(&golden, "swap12", "pts3d_in_other_view", &backward[1]);
+    for case in with_tensors(&root, &["img1", "img2", "out1.pts3d", "swap22.pts3d"]) {
+        let golden = Golden::open(&case);
+        let model = network(case.parent().unwrap(), &device);
+        let [a, b] = ["img1", "img2"].map(|name| images(&golden, name, &device));
+        let [forward, backward] = model.infer_symmetric(&a, &b).unwrap();
+        check_output(&golden, "out1", "pts3d", &forward[0]);
+        check_output(&golden, "out2", "pts3d_in_other_view", &forward[1]);
+        check_output(&golden, "swap22", "pts3d", &backward[0]);
+        check_output(&golden, "swap12", "pts3d_in_other_view", &backward[1]);
+    }
 }
 
 /// A symmetrised training batch with portrait images stored transposed, each image encoded once.
 #[test]
 fn shared_golden_many_aspect_ratios() {
     let Some(root) = root("golden many aspect ratios") else { return };
+    for case in training_cases(&root) {
+        check_training_case(&case);
+    }
+}
+
+fn check_training_case(case: &Path) {
     let device = test_device();
-    let golden = Golden::open(&root.join("tiny/train.safetensors"));
-    let model = network(&root.join("tiny"), &device);
+    let golden = Golden::open(case);
+    let model = network(case.parent().unwrap(), &device);
     let &[pairs, _, height, width] = golden.shape("gt1.img") else { panic!("images have four axes") };
     let len = golden.values("gt1.img").len() / pairs;
     let (mut values, mut sizes) = (Vec::new(), Vec::new());
@@ -118,7 +105,9 @@ fn shared_golden_many_aspect_ratios() {
             sizes.push([size[0] as usize, size[1] as usize]);
         }
     }
-    assert!(sizes.contains(&[width, height]), "no portrait image");
+    if !sizes.contains(&[width, height]) {
+        println!("SKIP shared-data: {} has no portrait image", case.display());
+    }
     let stored = Images::stored_landscape(values, [height, width], &sizes, &device).unwrap();
     let all = model.encode(&stored).unwrap();
     let places: Vec<usize> = (0..2 * pairs).map(|place| place ^ 1).collect();

@@ -6,7 +6,8 @@
 )]
 
 use selenograph_model::{
-    Device, Error, Gradients, Images, Inputs, Keep, Learned, Model, Output, Parameter, Precision, Tensor,
+    Device, Error, Gradients, Images, Inputs, LossAndGradients, Model, Output, Parameter, Precision,
+    SavedActivations, Tensor,
 };
 use selenograph_network::layout::{Layout, Part, TensorSpec};
 use selenograph_network::{NetworkConfig, Preset, Transformer, random};
@@ -70,7 +71,7 @@ fn loss([a, b]: &[Output; 2]) -> Result<Tensor<1>, Error> {
     Ok(a + b * 0.5)
 }
 
-fn learn(model: &Model, keep: Keep) -> Learned {
+fn learn(model: &Model, keep: SavedActivations) -> LossAndGradients {
     model.learn::<Error>(&|_| true, Inputs::Images(&images()), &PAIRS, keep, &mut loss).unwrap()
 }
 
@@ -106,7 +107,7 @@ fn gradients_are_the_slope_of_the_loss() {
     const STEP: f64 = 0.003;
     const TOLERANCE: f64 = 0.005;
     let model = model();
-    let gradients = learn(&model, Keep::Everything).gradients;
+    let gradients = learn(&model, SavedActivations::Everything).gradients;
     let parts = model.parameters().iter().map(|each| each.spec().part);
     let parts: std::collections::BTreeSet<Part> = parts.filter(|part| *part != Part::MaskToken).collect();
     assert_eq!(parts.len(), 11);
@@ -124,7 +125,8 @@ fn recomputing_changes_nothing_but_rounding() {
     /// Sums in another order, relative to a parameter's largest gradient or a thousandth of the largest of all.
     const TOLERANCE: f64 = 1e-4;
     let model = model();
-    let [kept, again] = [Keep::Everything, Keep::BlockInputs].map(|keep| learn(&model, keep));
+    let [kept, again] =
+        [SavedActivations::Everything, SavedActivations::BlockInputs].map(|keep| learn(&model, keep));
     assert!((number(&kept.loss) - number(&again.loss)).abs() < 1e-6);
     let tops: Vec<f64> =
         kept.gradients.iter().map(|by| by.map_or(0.0, |by| number(&by.clone().abs().max()))).collect();
@@ -150,8 +152,8 @@ fn a_frozen_encoder_can_be_cached_and_its_norm_learns() {
     let features = model.encode_blocks(&images()).unwrap();
     let images = images();
     let run = |inputs, keep| model.learn::<Error>(&learns, inputs, &PAIRS, keep, &mut loss).unwrap();
-    let expected = learn(&model, Keep::Everything).gradients;
-    for keep in [Keep::Everything, Keep::BlockInputs] {
+    let expected = learn(&model, SavedActivations::Everything).gradients;
+    for keep in [SavedActivations::Everything, SavedActivations::BlockInputs] {
         let cached = run(Inputs::Features(&features), keep);
         let direct = run(Inputs::Images(&images), keep);
         assert_eq!(number(&cached.loss), number(&direct.loss));
@@ -172,8 +174,9 @@ fn a_frozen_encoder_can_be_cached_and_its_norm_learns() {
 fn gradients_of_halves_add_up() {
     let model = model();
     let twice = |keep| learn(&model, keep).gradients;
-    let sum = twice(Keep::Everything).plus(twice(Keep::Everything)).map(&|by| by * 0.5);
-    for (sum, once) in sum.iter().zip(twice(Keep::Everything).iter()) {
+    let sum =
+        twice(SavedActivations::Everything).plus(twice(SavedActivations::Everything)).map(&|by| by * 0.5);
+    for (sum, once) in sum.iter().zip(twice(SavedActivations::Everything).iter()) {
         let same = sum.zip(once).is_none_or(|(a, b)| a.to_data() == b.to_data());
         assert!(same && sum.is_some() == once.is_some());
     }
@@ -184,8 +187,8 @@ fn products_in_bf16_lose_digits_and_nothing_else() {
     /// Eight bits of a product's factors, through a network of a dozen layers.
     const LOSS_TOLERANCE: f64 = 0.02;
     const LEAST_COSINE: f64 = 0.99;
-    let exact = learn(&model(), Keep::Everything);
-    for keep in [Keep::Everything, Keep::BlockInputs] {
+    let exact = learn(&model(), SavedActivations::Everything);
+    for keep in [SavedActivations::Everything, SavedActivations::BlockInputs] {
         let rough = learn(&model().with_precision(Precision::Bf16), keep);
         let difference = (number(&rough.loss) - number(&exact.loss)).abs();
         assert!(difference > 0.0, "bf16 was not used");

@@ -4,6 +4,7 @@
 //! python3 crates/network/testdata/full_checkpoint.py full_shapes.json full.pth
 //! cargo run --release -p selenograph-network --example read_checkpoint -- full.pth
 //! ```
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "an example shows what it does")]
 
 use selenograph_network::{Checkpoint, Error};

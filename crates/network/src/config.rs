@@ -9,12 +9,12 @@ const MAX_DIM: usize = 1 << 14;
 /// RGB.
 pub const IMAGE_CHANNELS: usize = 3;
 /// Channels of a point head: x, y, z, confidence.
-pub const POINT_CHANNELS: usize = 4;
+pub(crate) const POINT_CHANNELS: usize = 4;
 /// Added to the variance of a picture, in units of its values from −1 to 1, where a stem standardises it: noise of an empty
 /// picture stays small.
 pub const STEM_VARIANCE_FLOOR: f64 = 1e-4;
 /// Pixels along a side of what one pixel of the stem's last map sees at least.
-pub const STEM_STRIDE_PX: usize = 8;
+pub(crate) const STEM_STRIDE_PX: usize = 8;
 /// The patch size at which a stem's maps meet those of the dense heads.
 const STEM_PATCH_PX: usize = 16;
 /// Hidden channels of the descriptor MLP for each of its input channels.
@@ -166,7 +166,7 @@ impl NetworkConfig {
     }
 
     /// Input channels of the descriptor MLP: encoder and decoder side by side.
-    pub fn descriptor_input_dim(&self) -> usize {
+    pub(crate) fn descriptor_input_dim(&self) -> usize {
         self.encoder.dim + self.decoder.dim
     }
 

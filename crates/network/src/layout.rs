@@ -9,9 +9,9 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// What the tensors of the second decoder begin with.
-pub const DECODER_2: &str = "dec_blocks2.";
+pub(crate) const DECODER_2: &str = "dec_blocks2.";
 /// What the tensors of the first decoder begin with.
-pub const DECODER_1: &str = "dec_blocks.";
+pub(crate) const DECODER_1: &str = "dec_blocks.";
 
 /// A part of the network, for counting and for partial checkpoints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -145,15 +145,6 @@ impl Layout {
     /// Parameters, each counted once.
     pub fn num_parameters(&self) -> usize {
         self.owned().map(TensorSpec::len).sum()
-    }
-
-    /// Parameters of each part, each counted once.
-    pub fn parameters_per_part(&self) -> BTreeMap<Part, usize> {
-        let mut counts = BTreeMap::new();
-        for spec in self.owned() {
-            *counts.entry(spec.part).or_insert(0) += spec.len();
-        }
-        counts
     }
 }
 
@@ -371,7 +362,10 @@ mod tests {
         }
         // Nine taps of inputs, and a bias, for each output of each convolution.
         let level = |inputs: usize, dim: usize| dim * (9 * inputs + 1) + 2 * dim * (9 * dim + 1);
-        let counts = layout.parameters_per_part();
+        let mut counts = BTreeMap::new();
+        for spec in layout.owned() {
+            *counts.entry(spec.part).or_insert(0) += spec.len();
+        }
         assert_eq!(counts[&Part::Stem], level(3, 24) + level(24, 48) + level(48, 96));
         assert_eq!(counts[&Part::Head1Descriptors], 25 * (48 + 1));
         assert!(

@@ -4,7 +4,7 @@
 //!
 //! | you want to | open |
 //! | --- | --- |
-//! | know the dimensions of a network | [`config`], [`presets`] |
+//! | know the dimensions of a network | [`config`], [`Preset`] |
 //! | know each tensor's name, shape and first value | [`layout`] |
 //! | read a checkpoint, or write one | [`checkpoint`], [`safetensors`], [`random`] |
 //! | know what a forward pass costs | [`cost`] |
@@ -20,7 +20,7 @@ pub mod input;
 pub mod layout;
 pub mod model_string;
 mod pickle;
-pub mod presets;
+mod presets;
 pub mod random;
 pub mod safetensors;
 mod zip;

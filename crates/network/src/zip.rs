@@ -20,7 +20,7 @@ const END_SEARCH: u64 = 22 + 65535;
 const MAX_DIRECTORY: u64 = 64 << 20;
 
 /// Random access to a file's bytes.
-pub trait ReadAt {
+pub(crate) trait ReadAt {
     /// Number of bytes.
     fn len(&self) -> u64;
     /// Fills `buffer` from `offset` on.

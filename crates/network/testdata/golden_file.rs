@@ -1,5 +1,7 @@
 //! The reference's tensors and the small networks' dimensions, for the tests of every crate that is held to them:
 //! `#[path = "../../../network/testdata/golden_file.rs"] mod golden_file;`
+//!
+//! Files are found by the tensors in them and sizes are the files' own: another folder of the same kind serves as well.
 
 use safetensors::{Dtype, SafeTensors};
 use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig, Transformer};
@@ -20,6 +22,74 @@ pub fn root(name: &str) -> Option<PathBuf> {
         println!("SKIP shared-data: no goldens");
         None
     }
+}
+
+/// Every file under a folder, in the order of their paths.
+fn files_under(folder: &Path) -> Vec<PathBuf> {
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    entries.into_iter().flat_map(|path| if path.is_dir() { files_under(&path) } else { vec![path] }).collect()
+}
+
+/// The files with this extension under a folder, in the order of their paths.
+pub fn with_extension(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    files_under(folder)
+        .into_iter()
+        .filter(|path| path.extension().is_some_and(|own| own == extension))
+        .collect()
+}
+
+/// The files under a folder that hold all of these tensors.
+pub fn with_tensors(folder: &Path, names: &[&str]) -> Vec<PathBuf> {
+    let holds_all = |path: &PathBuf| {
+        let bytes = std::fs::read(path).unwrap();
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        names.iter().all(|name| header.info(name).is_some())
+    };
+    let found: Vec<PathBuf> = with_extension(folder, "safetensors").into_iter().filter(holds_all).collect();
+    if found.is_empty() {
+        println!("SKIP shared-data: no file of the goldens holds {names:?}");
+    }
+    found
+}
+
+/// The files with such a pair of images and what a network makes of it; the network's folder is that of the file.
+pub fn inference_cases(root: &Path) -> Vec<PathBuf> {
+    with_tensors(root, &["img1", "img2", "out1.pts3d"])
+}
+
+/// The files with such a training batch and what a network makes of it.
+pub fn training_cases(root: &Path) -> Vec<PathBuf> {
+    with_tensors(root, &["gt1.img", "gt2.img", "pred1.pts3d"])
+}
+
+/// The file with the weights of the network in `folder`.
+pub fn weights(folder: &Path) -> PathBuf {
+    with_tensors(folder, &["patch_embed.proj.weight", "dec_norm.weight"]).swap_remove(0)
+}
+
+/// The number after `key` in what the goldens' README says of a tensor.
+pub fn stated(root: &Path, tensor: &str, key: &str) -> Option<f64> {
+    let readme = std::fs::read_to_string(root.join("README.md")).unwrap_or_default();
+    let lines = readme.lines().filter(|line| line.starts_with(&format!("`{tensor}`")));
+    let number = |line: &str| {
+        let after = line.split_once(key)?.1;
+        after.split(|c: char| !c.is_ascii_digit() && c != '.').next()?.parse().ok()
+    };
+    let found = lines.filter_map(number).next();
+    if found.is_none() {
+        println!("SKIP shared-data: the goldens do not say {key:?} of `{tensor}`");
+    }
+    found
+}
+
+/// Largest difference, relative to the largest expected value; infinite where a value is no number.
+pub fn relative_error(found: &[f32], expected: &[f32]) -> f32 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(0.0_f32, |max, value| max.max(value.abs()));
+    let differences = found.iter().zip(expected).map(|(f, e)| (f - e).abs());
+    let worst = differences.fold(0.0_f32, |worst, v| if v.is_nan() { f32::INFINITY } else { worst.max(v) });
+    if worst == 0.0 { 0.0 } else { worst / largest }
 }
 
 /// Tensors by name: shape and values, integers as floats.
@@ -49,6 +119,16 @@ impl Golden {
         &self.0[name].1
     }
 
+    pub fn has(&self, name: &str) -> bool {
+        self.0.contains_key(name)
+    }
+
+    /// The names of what an inference case holds between its inputs and its outputs.
+    pub fn intermediates(&self) -> impl Iterator<Item = &String> {
+        let outer = ["img", "pos", "out", "swap"];
+        self.0.keys().filter(move |name| !outer.iter().any(|prefix| name.starts_with(prefix)))
+    }
+
     /// The values of one item of a batch.
     pub fn item(&self, name: &str, item: usize) -> &[f32] {
         let (shape, values) = &self.0[name];
@@ -57,10 +137,14 @@ impl Golden {
     }
 }
 
-/// Dimensions of the network in `folder`, from the file beside its weights.
+/// What the file beside a network's weights says.
+pub fn stated_config(folder: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(folder.join("config.json")).unwrap()).unwrap()
+}
+
+/// Dimensions of the network in `folder`.
 pub fn config(folder: &Path) -> NetworkConfig {
-    let text = std::fs::read_to_string(folder.join("config.json")).unwrap();
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let json = stated_config(folder);
     let number = |name: &str| usize::try_from(json[name].as_u64().unwrap()).unwrap();
     let transformer = |part: &str| Transformer {
         dim: number(&format!("{part}_dim")),

@@ -1,6 +1,7 @@
 //! Medians of time and error of the relative pose on simulated scenes, and the scenes themselves for other programs:
 //! `RAYON_NUM_THREADS=1 cargo run --release -p selenograph-pose --example pose_bench [-- scenes.jsonl]`, then
 //! `python crates/pose/testdata/compare.py scenes.jsonl`.
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "an example's result is what it prints")]
 
 use selenograph_pose::problems::{Scene, SceneKind};

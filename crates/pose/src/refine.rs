@@ -8,6 +8,7 @@ use crate::decompose::{Motion, nearest_rotation};
 use crate::points::{LANES, Pairs};
 use crate::sampson::{Block, Tangent, essential_derivatives, linearise, tangent_axes};
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
+use selenograph_geometry::robust::MAD_TO_SIGMA;
 
 /// What a residual costs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -249,7 +250,7 @@ pub(crate) fn uncertainty(
     Uncertainty { covariance, rms: (squares / n.max(1.0)).sqrt() }
 }
 
-/// Robust sigma of the distances: 1.4826 × their median absolute value, over the matches within `cutoff`.
+/// Robust sigma of the distances: [`MAD_TO_SIGMA`] × their median absolute value, over the matches within `cutoff`.
 pub fn robust_sigma(pairs: &Pairs, e: &Matrix3<f64>, cutoff: f64) -> f64 {
     let mut sizes: Vec<f64> = (0..pairs.len())
         .map(|i| crate::sampson::distance(e, &pairs.a(i), &pairs.b(i)).abs())
@@ -259,5 +260,5 @@ pub fn robust_sigma(pairs: &Pairs, e: &Matrix3<f64>, cutoff: f64) -> f64 {
         return cutoff;
     }
     let middle = sizes.len() / 2;
-    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+    MAD_TO_SIGMA * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -1,10 +1,10 @@
 //! What a pair will take, before anything is loaded.
 
 use crate::{Error, Passes, PredictOptions};
-use selenograph_engine::Footprint;
+use selenograph_engine::MemoryFootprint;
 use selenograph_network::NetworkConfig;
 use selenograph_network::cost::{Directions, Flops};
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 
 /// What the engine reaches of the rate of large products: attention and small layers are slower.
@@ -24,7 +24,7 @@ pub struct Estimate {
     /// Floating-point operations.
     pub flops: Flops,
     /// Memory of the engine.
-    pub footprint: Footprint,
+    pub footprint: MemoryFootprint,
     /// Bytes of pictures, of points on their grids, and of matching.
     pub beside: usize,
 }
@@ -42,7 +42,7 @@ impl Estimate {
         num_threads: usize,
     ) -> Result<Self, Error> {
         let input = |[width, height]: [usize; 2]| -> Result<[usize; 2], Error> {
-            Ok(Plan::new(width, height, options.input, config.patch_px)?.input)
+            Ok(InputTransform::new(width, height, options.input, config.patch_px)?.input)
         };
         let inputs = [input(pictures[0])?, input(pictures[1])?];
         let both_ways = options.passes == Passes::Symmetric || focal == FocalKnowledge::Guessed;
@@ -55,7 +55,7 @@ impl Estimate {
         Ok(Self {
             inputs,
             flops: Flops::of_pair(config, inputs, directions),
-            footprint: Footprint::of_pair(config, inputs, directions, num_threads)?,
+            footprint: MemoryFootprint::of_pair(config, inputs, directions, num_threads)?,
             beside: PICTURE_PIXEL_BYTES * area(pictures) + num_matched * matched * area(inputs),
         })
     }

@@ -1,7 +1,7 @@
 //! What runs a network: the one place where a further executor is added.
 
 use crate::Error;
-use crate::predictor::{Progress, Step};
+use crate::progress::{Progress, Report, Step};
 use selenograph_engine::{Encoding, Engine, HeadOutput, Image, Probe, Simd, Stage};
 #[cfg(feature = "burn")]
 use selenograph_model::Model;
@@ -109,9 +109,6 @@ impl Loaded {
         }
     }
 }
-
-/// Who is told of progress.
-pub(crate) type Report<'a> = &'a mut dyn FnMut(Progress);
 
 /// Blocks and heads as they are finished.
 struct Watch<'a> {

@@ -1,12 +1,12 @@
 //! Heads' outputs as the arrays that `reconstruct::learned` takes.
 
-use crate::predictor::EncodedView;
+use crate::encoded::EncodedView;
 use crate::{Error, Passes, PredictOptions, grid, matches};
 use selenograph_engine::HeadOutput;
 use selenograph_engine::focal::focal_of_pointmap;
 use selenograph_geometry::{Camera, pixel};
 use selenograph_network::NetworkConfig;
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_reconstruct::evidence::{FocalKnowledge, FocalSource};
 use selenograph_reconstruct::learned::Learned;
 use selenograph_reconstruct::learned::LearnedInput;
@@ -19,12 +19,12 @@ const FOCAL_WIDTHS: std::ops::RangeInclusive<f64> = 0.4..=8.0;
 #[derive(Clone, Copy)]
 pub(crate) struct Seen<'a> {
     pub camera: &'a Camera,
-    pub plan: &'a Plan,
+    pub transform: &'a InputTransform,
 }
 
 impl<'a> Seen<'a> {
     pub fn of(view: &'a EncodedView) -> Self {
-        Self { camera: &view.camera, plan: &view.plan }
+        Self { camera: &view.camera, transform: &view.transform }
     }
 }
 
@@ -48,15 +48,15 @@ pub(crate) fn gather(
         (Some(backward), FocalKnowledge::Guessed) => implied_cameras(views, [&forward[0], &backward[0]]),
         (_, known) => assumed(views, known),
     };
-    let plans = views.map(|view| view.plan);
+    let transforms = views.map(|view| view.transform);
     let (matches, dense_matches) = if forward[0].descriptor_dim == 0 {
         (Vec::new(), None)
     } else {
         let backward = backward.filter(|_| options.passes == Passes::Symmetric);
-        let found = matches::find(forward, backward, plans, options)?;
+        let found = matches::find(forward, backward, transforms, options)?;
         (found.published, found.dense)
     };
-    let maps = [0, 1].map(|k| grid::pointmap(&forward[k], plans[k], config.confidence));
+    let maps = [0, 1].map(|k| grid::pointmap(&forward[k], transforms[k], config.confidence));
     let grain = grain(views, config.patch_px);
     let learned = Learned { pointmaps: Some(maps), matches, dense_matches, grain };
     Ok(LearnedInput { learned, cameras, focal })
@@ -72,13 +72,13 @@ pub(crate) fn nothing(views: [Seen<'_>; 2], focal: FocalKnowledge, patch_px: usi
 
 /// A pixel of the inputs in pixels of the pictures, the geometric mean of both; and a patch of A.
 fn grain([a, b]: [Seen<'_>; 2], patch_px: usize) -> Grain {
-    let [a, b] = [a, b].map(|view| pixel_side(view.plan));
+    let [a, b] = [a, b].map(|view| pixel_side(view.transform));
     Grain { match_px: (a * b).sqrt(), patch_px: a * patch_px as f64 }
 }
 
 /// Side of a pixel of the input in pixels of the picture.
-fn pixel_side(plan: &Plan) -> f64 {
-    plan.source[0] as f64 / plan.resized[0] as f64
+fn pixel_side(transform: &InputTransform) -> f64 {
+    transform.source[0] as f64 / transform.resized[0] as f64
 }
 
 /// The cameras as they came.
@@ -96,10 +96,10 @@ fn assumed(views: [Seen<'_>; 2], focal: FocalKnowledge) -> ([Camera; 2], FocalSo
 /// Cameras with the focal lengths that each view's points in its own frame imply; the guessed ones if those are none.
 fn implied_cameras(views: [Seen<'_>; 2], own: [&HeadOutput; 2]) -> ([Camera; 2], FocalSource) {
     let [focal_a, focal_b] = [0, 1].map(|k| {
-        let Seen { camera, plan } = views[k];
-        let principal = plan.input_from_source(camera.cx, camera.cy).map(pixel::sample_position);
+        let Seen { camera, transform } = views[k];
+        let principal = transform.input_from_source(camera.cx, camera.cy).map(pixel::sample_position);
         focal_of_pointmap(&own[k].points, own[k].width_px, principal)
-            .map(|focal| focal * pixel_side(plan))
+            .map(|focal| focal * pixel_side(transform))
             .filter(|focal| FOCAL_WIDTHS.contains(&(focal / camera.width.max(camera.height) as f64)))
     });
     let (Some(focal_a), Some(focal_b)) = (focal_a, focal_b) else {

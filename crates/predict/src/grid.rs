@@ -4,14 +4,14 @@ use rayon::prelude::*;
 use selenograph_engine::HeadOutput;
 use selenograph_geometry::pixel;
 use selenograph_network::config::ConfidenceMode;
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_raster::Raster;
 use selenograph_reconstruct::learned::Pointmap;
 
 /// The part of an output that belongs to the picture: without what was padded.
-pub(crate) fn without_padding(output: HeadOutput, plan: &Plan) -> HeadOutput {
-    let [width, height] = plan.kept;
-    if [output.width_px, output.height_px] == plan.kept {
+pub(crate) fn without_padding(output: HeadOutput, transform: &InputTransform) -> HeadOutput {
+    let [width, height] = transform.kept;
+    if [output.width_px, output.height_px] == transform.kept {
         return output;
     }
     let cut = |values: &[f32], channels: usize| -> Vec<f32> {
@@ -44,14 +44,14 @@ pub(crate) fn unit_confidence(mode: ConfidenceMode, confidence: f32) -> f32 {
 }
 
 /// Points and confidences on the picture's grid, interpolated where it was resized; absent outside what the network saw.
-pub(crate) fn pointmap(output: &HeadOutput, plan: &Plan, mode: ConfidenceMode) -> Pointmap {
-    let [width, height] = plan.source;
+pub(crate) fn pointmap(output: &HeadOutput, transform: &InputTransform, mode: ConfidenceMode) -> Pointmap {
+    let [width, height] = transform.source;
     let rows: Vec<(Vec<[f32; 3]>, Vec<f32>)> = (0..height)
         .into_par_iter()
         .map(|y| {
             (0..width)
                 .map(|x| {
-                    let at = plan.input_from_source(pixel::center_of(x), pixel::center_of(y));
+                    let at = transform.input_from_source(pixel::center_of(x), pixel::center_of(y));
                     match sample(output, at) {
                         Some([px, py, pz, confidence]) => ([px, py, pz], unit_confidence(mode, confidence)),
                         None => ([f32::NAN; 3], 0.0),
@@ -130,9 +130,9 @@ mod tests {
         for (width, height, rule) in
             [(128, 128, published), (40, 33, whole(None)), (96, 64, whole(Some(48))), (48, 32, whole(None))]
         {
-            let plan = Plan::new(width, height, rule, 16).unwrap();
-            let seen = without_padding(output(plan.input[0], plan.input[1]), &plan);
-            let map = pointmap(&seen, &plan, MODE);
+            let transform = InputTransform::new(width, height, rule, 16).unwrap();
+            let seen = without_padding(output(transform.input[0], transform.input[1]), &transform);
+            let map = pointmap(&seen, &transform, MODE);
             assert_eq!((map.points.width, map.points.height), (width, height));
             let mut absent = 0;
             for y in 0..height {
@@ -143,18 +143,18 @@ mod tests {
                         assert_eq!(map.confidence[(x, y)], 0.0);
                         continue;
                     }
-                    let back = plan.source_from_input(f64::from(px), f64::from(py));
+                    let back = transform.source_from_input(f64::from(px), f64::from(py));
                     let off =
                         [(back[0], x), (back[1], y)].map(|(at, idx)| (at - pixel::center_of(idx)).abs());
                     // Beyond the outermost centres a point stays at them: half a pixel of the input; inside, rounding of f32.
                     let inside = |at: f32, side: usize| at > 0.5 && at < side as f32 - 0.5;
-                    let is_inside = inside(px, plan.kept[0]) && inside(py, plan.kept[1]);
-                    let scale = plan.source[0] as f64 / plan.resized[0] as f64;
+                    let is_inside = inside(px, transform.kept[0]) && inside(py, transform.kept[1]);
+                    let scale = transform.source[0] as f64 / transform.resized[0] as f64;
                     let tolerance = if is_inside { 1e-3 } else { 0.5 * scale + 1e-3 };
                     assert!(off[0] < tolerance && off[1] < tolerance, "{width}×{height} {x} {y} {off:?}");
                 }
             }
-            let lost = (plan.lost_share() * (width * height) as f64).round() as usize;
+            let lost = (transform.lost_share() * (width * height) as f64).round() as usize;
             assert_eq!(absent, lost, "{width}×{height}");
         }
     }

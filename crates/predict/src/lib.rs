@@ -12,6 +12,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod encoded;
 mod error;
 mod estimate;
 mod executor;
@@ -21,11 +22,14 @@ mod matches;
 mod options;
 mod picture;
 mod predictor;
+mod progress;
 
+pub use encoded::EncodedView;
 pub use error::Error;
 pub use estimate::Estimate;
 pub use executor::Executor;
 pub use options::{Density, Passes, PredictOptions};
-pub use predictor::{About, EncodedView, Predicted, Predictor, Progress, Step};
+pub use predictor::{About, Predicted, Predictor};
+pub use progress::{Progress, Step};
 pub use selenograph_network::checkpoint::HeadCounts;
 pub use selenograph_network::input::{Border, Rule, SquareCrop};

@@ -6,7 +6,7 @@ use selenograph_engine::matching::{
     Described, DescriptorMap, Matcher, PixelPair, inside_border, reciprocal_symmetric,
 };
 use selenograph_geometry::{Point2, pixel};
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_reconstruct::matching::Match;
 
 /// Matches for the pose, and those of all pixels where they are asked for.
@@ -19,13 +19,13 @@ pub(crate) struct Matches {
 pub(crate) fn find(
     forward: &[HeadOutput; 2],
     backward: Option<&[HeadOutput; 2]>,
-    plans: [&Plan; 2],
+    transforms: [&InputTransform; 2],
     options: &PredictOptions,
 ) -> Result<Matches, Error> {
     let placed = |pairs: Vec<PixelPair>| -> Vec<Match> {
         let sizes = forward.each_ref().map(|output| (output.width_px, output.height_px));
         let inside = pairs.into_iter().filter(|pair| inside_border(*pair, sizes, options.border_px));
-        inside.map(|pair| place(pair, forward, plans)).collect()
+        inside.map(|pair| place(pair, forward, transforms)).collect()
     };
     let [a, b] = forward.each_ref().map(described);
     let mut matcher = Matcher::new(a.map, b.map)?;
@@ -51,10 +51,10 @@ fn described(output: &HeadOutput) -> Described<'_> {
 }
 
 /// Places from the pictures' corners; the score is that of the less sure side, descriptor times point.
-fn place(pair: PixelPair, outputs: &[HeadOutput; 2], plans: [&Plan; 2]) -> Match {
+fn place(pair: PixelPair, outputs: &[HeadOutput; 2], transforms: [&InputTransform; 2]) -> Match {
     let [a, b] = [0, 1].map(|k| {
         let [x, y] = pair[k].map(|index| index as usize);
-        let at = plans[k].source_from_input(pixel::center_of(x), pixel::center_of(y));
+        let at = transforms[k].source_from_input(pixel::center_of(x), pixel::center_of(y));
         let idx = y * outputs[k].width_px + x;
         let score = outputs[k].descriptor_confidence[idx] * outputs[k].confidence[idx];
         (Point2::new(at[0], at[1]), f64::from(score))

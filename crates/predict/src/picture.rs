@@ -1,12 +1,12 @@
 //! A view as a network's input, and what had to be done to it.
 
 use crate::Error;
-use selenograph_network::input::{Plan, Rgb8, Rule};
+use selenograph_network::input::{InputTransform, Rgb8, Rule};
 use selenograph_raster::{Raster, statistics};
 
 /// A picture that a network can be given.
 pub(crate) struct Input {
-    pub plan: Plan,
+    pub transform: InputTransform,
     pub image: Rgb8,
     /// Whether all of it has one grey level.
     pub is_blank: bool,
@@ -19,7 +19,7 @@ pub(crate) struct Input {
 /// # Errors
 /// [`Error::Network`] for a picture below one patch.
 pub(crate) fn input(picture: &Raster<f32>, rule: Rule, patch_px: usize) -> Result<Input, Error> {
-    let plan = Plan::new(picture.width, picture.height, rule, patch_px)?;
+    let transform = InputTransform::new(picture.width, picture.height, rule, patch_px)?;
     let mut notes = Vec::new();
     let known = || picture.data.iter().copied().filter(|level| level.is_finite());
     let (low, high) = known().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -32,32 +32,32 @@ pub(crate) fn input(picture: &Raster<f32>, rule: Rule, patch_px: usize) -> Resul
     } else {
         Rgb8::from_unit_grey(picture)?
     };
-    notes.extend(described(&plan));
+    notes.extend(described(&transform));
     Ok(Input {
-        image: plan.apply(&grey)?,
-        plan,
+        image: transform.apply(&grey)?,
+        transform,
         is_blank: low.partial_cmp(&high) != Some(std::cmp::Ordering::Less),
         notes,
     })
 }
 
-/// What a plan does to a picture; nothing for a picture that is taken as it is.
-fn described(plan: &Plan) -> Vec<String> {
+/// What a transform does to a picture; nothing for a picture that is taken as it is.
+fn described(transform: &InputTransform) -> Vec<String> {
     let size = |[width, height]: [usize; 2]| format!("{width}×{height}");
     let mut notes = Vec::new();
-    if plan.resized != plan.source {
-        notes.push(format!("resized from {} to {}", size(plan.source), size(plan.resized)));
+    if transform.resized != transform.source {
+        notes.push(format!("resized from {} to {}", size(transform.source), size(transform.resized)));
     }
-    if plan.kept != plan.resized {
-        let [x, y] = plan.origin;
-        let percent = 100.0 * plan.lost_share();
+    if transform.kept != transform.resized {
+        let [x, y] = transform.origin;
+        let percent = 100.0 * transform.lost_share();
         notes.push(format!(
             "cropped to {} from column {x} and row {y} on: {percent:.1} % of it has no points",
-            size(plan.kept)
+            size(transform.kept)
         ));
     }
-    if plan.input != plan.kept {
-        notes.push(format!("padded to {} by repeating its last column and row", size(plan.input)));
+    if transform.input != transform.kept {
+        notes.push(format!("padded to {} by repeating its last column and row", size(transform.input)));
     }
     notes
 }

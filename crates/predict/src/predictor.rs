@@ -1,59 +1,21 @@
 //! A network, loaded once, and what it says of views.
 
-use crate::executor::{Loaded, Report};
+use crate::encoded::EncodedView;
+use crate::executor::Loaded;
 use crate::gather::{Outputs, Seen, gather, nothing};
 use crate::picture::Input;
+use crate::progress::{Progress, Report, Step};
 use crate::{Density, Error, Executor, Passes, PredictOptions, grid, picture};
-use selenograph_engine::{Encoding, HeadOutput, Image};
-use selenograph_geometry::Camera;
+use selenograph_engine::{HeadOutput, Image};
 use selenograph_network::Checkpoint;
 use selenograph_network::checkpoint::HeadCounts;
-use selenograph_network::input::Plan;
+use selenograph_network::input::InputTransform;
 use selenograph_network::model_string::Family;
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use selenograph_reconstruct::learned::LearnedInput;
 use serde::Serialize;
 use std::path::Path;
-
-/// A part of the work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
-    /// Reading and packing weights.
-    Load,
-    /// Blocks of the encoder.
-    Encode,
-    /// Blocks of the decoders.
-    Decode,
-    /// Heads.
-    Heads,
-    /// Matching.
-    Match,
-}
-
-impl Step {
-    /// In words.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Load => "load weights",
-            Self::Encode => "encode",
-            Self::Decode => "decode",
-            Self::Heads => "points and descriptors",
-            Self::Match => "match",
-        }
-    }
-}
-
-/// How far a part of the work is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
-    /// The part.
-    pub step: Step,
-    /// Pieces of it that are done.
-    pub done: usize,
-    /// All of its pieces.
-    pub of: usize,
-}
 
 /// What a predictor is made of.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -108,16 +70,6 @@ pub struct Predictor {
     loaded: Loaded,
     options: PredictOptions,
     about: About,
-}
-
-/// A view that is encoded: for any number of pairs.
-#[derive(Debug, Clone)]
-pub struct EncodedView {
-    pub(crate) camera: Camera,
-    pub(crate) plan: Plan,
-    encoding: Encoding,
-    is_blank: bool,
-    notes: Vec<String>,
 }
 
 /// What a network says of two views.
@@ -215,7 +167,7 @@ impl Predictor {
         Ok(all
             .map(|((encoding, input), view)| EncodedView {
                 camera: view.camera.clone(),
-                plan: input.plan,
+                transform: input.transform,
                 encoding,
                 is_blank: input.is_blank,
                 notes: input.notes,
@@ -260,7 +212,7 @@ impl Predictor {
             pairs.push((&b.encoding, &a.encoding));
         }
         let mut outputs = self.loaded.decode(&pairs, progress)?.into_iter();
-        let mut next = |first: &Plan, second: &Plan| {
+        let mut next = |first: &InputTransform, second: &InputTransform| {
             outputs.next().map(|[x, y]| [grid::without_padding(x, first), grid::without_padding(y, second)])
         };
         let wrong = || selenograph_engine::Error::Image {
@@ -268,7 +220,7 @@ impl Predictor {
             expected: pairs.len().to_string(),
             found: "0".into(),
         };
-        let forward = next(&a.plan, &b.plan).ok_or_else(wrong)?;
-        Ok((forward, next(&b.plan, &a.plan)))
+        let forward = next(&a.transform, &b.transform).ok_or_else(wrong)?;
+        Ok((forward, next(&b.transform, &a.transform)))
     }
 }

@@ -1,6 +1,7 @@
 //! Times the relative pose of one pair: `pair_pose_bench A.png B.png FOV_DEG [ROUNDS]` (`benches/opencv/run.sh` runs it beside OpenCV).
 //!
 //! Prints a line a round with the wall time of the whole, its steps, and what was found.
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "an example for engineers")]
 
 use selenograph_geometry::{Camera, mean_focal_px};

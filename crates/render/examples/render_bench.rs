@@ -6,10 +6,10 @@
 //! with 45° across 512×512 pixels; 64 rays per pixel through a Gaussian of 0.6 px; the Sun's disc at elevation 8°,
 //! azimuth 30° (or `--azimuth`); cast shadows. Prints `selenograph wall_s=<median>` and the parts.
 
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Projection, lookat, proj_string::Crs};
+use selenograph_geometry::{Body, Camera, Point3, Projection, Vector3, lookat, proj_string::Crs};
 use selenograph_raster::georef::Affine;
 use selenograph_render::*;
 use selenograph_terrain::{Grid, Layer, Terrain};
@@ -49,8 +49,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let tilt = if has("--oblique") { 30f64.to_radians() } else { 0.0 };
     let forward = Vector3::new(tilt.sin(), 0.0, tilt.cos());
     let camera = Camera::from_fov(512, 512, 45f64.to_radians())?;
-    let view =
-        View { camera, world_from_cam: lookat::from_forward_and_right(origin, &forward, &Vector3::y())? };
+    let view = Viewpoint {
+        camera,
+        world_from_cam: lookat::from_forward_and_right(origin, &forward, &Vector3::y())?,
+    };
     let azimuth_deg: f64 = value("--azimuth").map_or(Ok(30.0), |v| v.parse())?;
     let site = terrain.body.place(&Point3::new(0.0, 0.0, -terrain.body.radius_m));
     let sun = Sun::at_site(&terrain.body, &site, azimuth_deg.to_radians(), 8f64.to_radians())?;

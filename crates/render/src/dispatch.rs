@@ -2,8 +2,8 @@
 
 use crate::InstructionSet;
 use crate::brdf::Prepared;
+use crate::job::Job;
 use crate::kernel::radiance_tile;
-use crate::radiance::Job;
 use crate::simd::scalar;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{avx2, avx512};

@@ -9,9 +9,9 @@
 //! blocks are bounded together with the strip on either side, and the sweep widens by one strip as often as a ray
 //! may have crossed one. Beyond the picture's own ground the sweep starts in ever coarser blocks.
 
-use crate::radiance::SunDisc;
-use nalgebra::{Point3, Vector3};
+use crate::sun::SunDisc;
 use rayon::prelude::*;
+use selenograph_geometry::{Point3, Vector3};
 use selenograph_terrain::{Layer, Terrain};
 
 /// Side of a block of the finest grid, cells.

@@ -6,118 +6,20 @@
 
 use crate::Shadows;
 use crate::brdf::{Angles, Prepared};
-use crate::march::{first_hit, path};
+use crate::job::{Job, TILE};
+use crate::march::first_hit;
+use crate::nodes::{Ground, Nodes};
 use crate::pattern::{Packet, PixelPattern};
-use crate::radiance::{Job, TILE};
+use crate::rays::{Rays, add3, path, scale3};
 use crate::shadow::{ShadowRays, occlusion};
-use crate::simd::{Float16, Int16, LANES, Mask16, sum};
+use crate::simd::{F32x16, LANES, Mask32x16, sum};
 use crate::tile::Tile;
-use nalgebra::Point2;
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, pixel};
 
 /// A root is found when the ray is this near the surface, metres: far below the finest ground sampling.
 const ROOT_M: f32 = 2e-3;
 /// Newton converges quadratically within a cell; more rounds than this mean that a ray jumps between cells.
 const MAX_ROUNDS: usize = 8;
-
-/// A layer's nodes as the lanes address them.
-#[derive(Clone, Copy)]
-pub(crate) struct Nodes {
-    pub(crate) base: *const f32,
-    pub(crate) cols: i32,
-    pub(crate) rows: i32,
-}
-
-/// Sixteen rays in the tile's frame: `offset + τ · direction`.
-#[derive(Clone, Copy)]
-pub(crate) struct Rays<F> {
-    pub(crate) offset: [F; 3],
-    pub(crate) direction: [F; 3],
-}
-
-/// The surface under sixteen points.
-#[derive(Clone, Copy)]
-pub(crate) struct Ground<F> {
-    /// Height above the tile's reference height.
-    pub(crate) z: F,
-    /// Derivatives along columns and rows, metres per cell.
-    pub(crate) hc: F,
-    pub(crate) hr: F,
-}
-
-impl Nodes {
-    /// The bilinear surface at grid coordinates given from node `base`; coordinates outside the grid use its border
-    /// cells.
-    #[inline(always)]
-    pub(crate) fn ground<F: Float16>(&self, base: [i32; 2], z_base: f32, c: F, r: F) -> Ground<F> {
-        let (i, j) = (floor(c), floor(r));
-        let cell = Cell::new(self.cell::<F>(base, z_base, i, j), i, j);
-        let (fu, fv) = (c - cell.i, r - cell.j);
-        let hr = cell.e0 + fu * cell.cross;
-        Ground { z: cell.h00 + fu * cell.d0 + fv * hr, hc: cell.d0 + fv * cell.cross, hr }
-    }
-
-    /// Corner heights of the cells `(i, j)` counted from node `base`.
-    #[inline(always)]
-    pub(crate) fn cell<F: Float16>(&self, base: [i32; 2], z_base: f32, i: F::Int, j: F::Int) -> [F; 4] {
-        let row = clamped_cell::<F>(j, base[1], self.rows).mul(F::Int::splat(self.cols));
-        let idx = row.add(clamped_cell::<F>(i, base[0], self.cols));
-        // SAFETY: column and row were clamped to cells, so node, right neighbour, lower neighbour and the one right of
-        // that are inside the layer's nodes.
-        let ((h00, h10), (h01, h11)) = unsafe {
-            (F::gather_pair(self.base, idx), F::gather_pair(self.base, idx.add(F::Int::splat(self.cols))))
-        };
-        let z = F::splat(z_base);
-        [h00 - z, h10 - z, h01 - z, h11 - z]
-    }
-}
-
-/// Sixteen bilinear cells.
-pub(crate) struct Cell<F> {
-    pub(crate) h00: F,
-    /// Steps from the first corner along columns and rows, and what the opposite corner adds to both.
-    pub(crate) d0: F,
-    pub(crate) e0: F,
-    pub(crate) cross: F,
-    /// Its first corner.
-    pub(crate) i: F,
-    pub(crate) j: F,
-}
-
-impl<F: Float16> Cell<F> {
-    #[inline(always)]
-    pub(crate) fn new([h00, h10, h01, h11]: [F; 4], i: F::Int, j: F::Int) -> Self {
-        let d0 = h10 - h00;
-        Self { h00, d0, e0: h01 - h00, cross: (h11 - h01) - d0, i: F::from_int(i), j: F::from_int(j) }
-    }
-
-    /// The surface at grid coordinates.
-    #[inline(always)]
-    pub(crate) fn height(&self, c: F, r: F) -> F {
-        let (u, v) = (c - self.i, r - self.j);
-        self.h00 + u * self.d0 + v * (self.e0 + u * self.cross)
-    }
-}
-
-/// Column or row of a cell from that relative to `first`, brought into a grid of `n` nodes.
-#[inline(always)]
-pub(crate) fn clamped_cell<F: Float16>(v: F::Int, first: i32, n: i32) -> F::Int {
-    v.add(F::Int::splat(first)).max(F::Int::splat(0)).min(F::Int::splat(n - 2))
-}
-
-/// A divisor that is not zero.
-#[inline(always)]
-pub(crate) fn nonzero<F: Float16>(v: F) -> F {
-    let least = F::splat(1e-12);
-    F::select(v.abs().lt(least), least, v)
-}
-
-/// Rounds down; values must fit an `i32`.
-#[inline(always)]
-pub(crate) fn floor<F: Float16>(v: F) -> F::Int {
-    let i = v.truncate();
-    F::select_int(v.lt(F::from_int(i)), i.sub(F::Int::splat(1)), i)
-}
 
 /// A pixel in the tile's frame.
 struct PixelRays<'a> {
@@ -132,7 +34,7 @@ struct PixelRays<'a> {
 
 /// The radiance of a tile under each Sun into `out` (`suns × TILE × TILE`).
 #[inline(always)]
-pub(crate) fn radiance_tile<F: Float16>(
+pub(crate) fn radiance_tile<F: F32x16>(
     job: &Job<'_>,
     tile: &Tile,
     brdf: &Prepared,
@@ -194,28 +96,18 @@ fn pixel_rays<'a>(job: &'a Job<'_>, tile: &Tile, x: usize, y: usize) -> Option<P
 }
 
 #[inline(always)]
-fn turned<F: Float16>([cos, sin]: [f32; 2], x: &[f32; LANES], y: &[f32; LANES]) -> [F; 2] {
+fn turned<F: F32x16>([cos, sin]: [f32; 2], x: &[f32; LANES], y: &[f32; LANES]) -> [F; 2] {
     let (x, y, cos, sin) = (F::load(x), F::load(y), F::splat(cos), F::splat(sin));
     [cos * x - sin * y, sin * x + cos * y]
 }
 
 #[inline(always)]
-fn splat3<F: Float16>(v: [f32; 3]) -> [F; 3] {
+fn splat3<F: F32x16>(v: [f32; 3]) -> [F; 3] {
     [F::splat(v[0]), F::splat(v[1]), F::splat(v[2])]
 }
 
 #[inline(always)]
-pub(crate) fn scale3<F: Float16>(v: [F; 3], by: F) -> [F; 3] {
-    [v[0] * by, v[1] * by, v[2] * by]
-}
-
-#[inline(always)]
-pub(crate) fn add3<F: Float16>(a: [F; 3], b: [F; 3]) -> [F; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-#[inline(always)]
-fn packet_rays<F: Float16>(tile: &Tile, pixel: &PixelRays<'_>, packet: &Packet) -> Rays<F> {
+fn packet_rays<F: F32x16>(tile: &Tile, pixel: &PixelRays<'_>, packet: &Packet) -> Rays<F> {
     let s = F::splat;
     let [ex, ey] = turned::<F>(pixel.pattern.psf_turn, &packet.psf_x, &packet.psf_y);
     let [[xx, xy], [yx, yy]] = pixel.per_sigma;
@@ -228,7 +120,7 @@ fn packet_rays<F: Float16>(tile: &Tile, pixel: &PixelRays<'_>, packet: &Packet) 
 
 /// Newton's iteration from `tau`; lanes of the mask have not converged.
 #[inline(always)]
-fn newton<F: Float16>(
+fn newton<F: F32x16>(
     tile: &Tile,
     nodes: &Nodes,
     rays: &Rays<F>,
@@ -256,7 +148,7 @@ fn newton<F: Float16>(
 }
 
 #[inline(always)]
-fn radiance_packet<F: Float16>(
+fn radiance_packet<F: F32x16>(
     job: &Job<'_>,
     tile: &Tile,
     nodes: &Nodes,

@@ -1,7 +1,6 @@
 //! A piece of a ray against the surface inside one cell.
 
 use crate::path::{Piece, eval};
-use crate::trace::Query;
 use selenograph_terrain::{Layer, Patch};
 
 /// What a piece of a ray meets in a cell.
@@ -12,6 +11,14 @@ pub(crate) enum Leaf {
     Root { lo: f64, hi: f64 },
     /// It was below before it came in: it passed through a hole.
     Absent,
+}
+
+/// Whether the first hit is wanted, or only whether there is one beyond the start.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Query {
+    First,
+    /// The ray starts on the surface; a hit must go deeper than the rounding of its start.
+    Occlusion,
 }
 
 /// How a ray comes into a cell.

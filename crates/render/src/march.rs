@@ -1,8 +1,9 @@
 //! First hits in lanes where a ray may have several roots: a traversal of the pyramid along short chords.
 
-use crate::kernel::{Cell, Nodes, Rays, add3, clamped_cell, floor, nonzero, scale3};
-use crate::radiance::Job;
-use crate::simd::{Float16, Int16, LANES, Mask16};
+use crate::job::Job;
+use crate::nodes::{Cell, Nodes, clamped_cell};
+use crate::rays::{At, Rays, path};
+use crate::simd::{F32x16, I32x16, LANES, Mask32x16, floor, nonzero};
 use crate::tile::Tile;
 
 /// Chords longer than this would leave the curved path by more than 2 cm (`s²/8R`).
@@ -13,37 +14,6 @@ const TOP_LEVEL: i32 = 5;
 const START_LEVEL: i32 = 2;
 /// A cell is picked this far beyond a cell's edge, cells.
 const NUDGE_CELLS: f32 = 1e-3;
-
-/// Points of sixteen rays.
-#[derive(Clone, Copy)]
-pub(crate) struct At<F> {
-    /// Metres along the tile's tangents.
-    pub(crate) a: F,
-    pub(crate) b: F,
-    /// Grid coordinates from the tile's first node.
-    pub(crate) c: F,
-    pub(crate) r: F,
-    /// Height above the tile's reference height.
-    pub(crate) z: F,
-}
-
-/// Where rays are on the map at depth `t_ref + tau`: second order in the distance from the reference point.
-#[inline(always)]
-pub(crate) fn path<F: Float16>(tile: &Tile, rays: &Rays<F>, tau: F) -> At<F> {
-    let s = F::splat;
-    let [a, b, w] = add3(rays.offset, scale3(rays.direction, tau));
-    let inv_r = s(tile.inv_r);
-    // Higher points of a radius share its map coordinates.
-    let shrink = s(1.0) - w * inv_r;
-    let (sa, sb) = (a * shrink, b * shrink);
-    At {
-        a,
-        b,
-        c: s(tile.at0[0]) + s(tile.jc[0]) * sa + s(tile.jc[1]) * sb,
-        r: s(tile.at0[1]) + s(tile.jr[0]) * sa + s(tile.jr[1]) * sb,
-        z: s(tile.z0) + w + s(0.5) * inv_r * (a * a + b * b),
-    }
-}
 
 /// The layer's max levels as the lanes address them.
 struct Levels {
@@ -56,7 +26,7 @@ struct Levels {
 
 /// First hits of the lanes in `used` between the tile's depths; lanes of the mask hit nothing.
 #[inline(always)]
-pub(crate) fn first_hit<F: Float16>(
+pub(crate) fn first_hit<F: F32x16>(
     job: &Job<'_>,
     tile: &Tile,
     nodes: &Nodes,
@@ -90,7 +60,7 @@ pub(crate) fn first_hit<F: Float16>(
 }
 
 #[inline(always)]
-fn chord<F: Float16>(
+fn chord<F: F32x16>(
     tile: &Tile,
     nodes: &Nodes,
     levels: &Levels,
@@ -160,7 +130,7 @@ fn chord<F: Float16>(
 
 /// The root in a cell between two places of a chord.
 #[inline(always)]
-fn leaf_root<F: Float16>(
+fn leaf_root<F: F32x16>(
     tile: &Tile,
     nodes: &Nodes,
     from: &At<F>,

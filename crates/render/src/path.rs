@@ -3,13 +3,12 @@
 //! A straight line in space is curved over a sphere and on any map of it. Over a piece of a few kilometres the curve is a
 //! parabola to well under a millimetre, which is enough to find the cell; the root itself is polished on the exact path.
 
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::Projection;
+use selenograph_geometry::{Point3, Projection, Vector3};
 use selenograph_terrain::{Grid, Terrain};
 
 /// A ray in the body-fixed frame: `origin + t · direction`.
 #[derive(Debug, Clone, Copy)]
-pub struct Ray {
+pub(crate) struct Ray {
     /// Start, metres.
     pub origin: Point3<f64>,
     /// Direction of any length; `t` counts in that length.
@@ -41,7 +40,7 @@ impl Ray {
 /// A piece of a ray between `t0` and `t1` as parabolas in `s ∈ [0, 1]`: column, row and height are
 /// `k[0] + k[1] s + k[2] s²`.
 #[derive(Debug, Clone, Copy)]
-pub struct Piece {
+pub(crate) struct Piece {
     /// Ray parameter at `s = 0`.
     pub t0: f64,
     /// Ray parameter at `s = 1`.
@@ -68,7 +67,7 @@ fn parabola(start: f64, middle: f64, end: f64) -> [f64; 3] {
 
 /// Three places of a ray on one map: at both ends and in the middle of a piece.
 #[derive(Debug, Clone, Copy)]
-pub struct OnMap {
+pub(crate) struct OnMap {
     map: [[f64; 2]; 3],
     height_m: [f64; 3],
     t0: f64,
@@ -102,17 +101,17 @@ impl OnMap {
 }
 
 /// Longest piece when the hit is wanted: its parabola is off by less than 0.1 mm (third order, `s³/R²`).
-pub const MAX_PIECE_M: f64 = 3000.0;
+pub(crate) const MAX_PIECE_M: f64 = 3000.0;
 
 /// Longest piece when only a shadow is wanted: off by less than 5 mm.
-pub const MAX_SHADOW_PIECE_M: f64 = 12_000.0;
+pub(crate) const MAX_SHADOW_PIECE_M: f64 = 12_000.0;
 
 /// How far a parabola may be off the true path before the piece is cut in half, cells.
 const PIECE_TOLERANCE_CELLS: f64 = 1e-3;
 
 /// Whether a piece follows the exact path a quarter of the way in. Only cylindrical maps next to a pole and orthographic ones
 /// next to their limb need asking: a polar map is smooth wherever it is used.
-pub fn is_faithful(grid: &Grid, ray: &Ray, piece: &Piece) -> bool {
+pub(crate) fn is_faithful(grid: &Grid, ray: &Ray, piece: &Piece) -> bool {
     if matches!(grid.crs.projection, Projection::PolarStereographic { .. }) {
         return true;
     }
@@ -148,7 +147,7 @@ impl Piece {
     }
 
     /// Where the piece crosses the border lines of the node rectangle.
-    pub fn border_crossings(&self, grid: &Grid, out: &mut Vec<f64>) {
+    pub(crate) fn border_crossings(&self, grid: &Grid, out: &mut Vec<f64>) {
         for (k, n) in [(&self.c, grid.cols), (&self.r, grid.rows)] {
             for line in [0.0, (n - 1) as f64] {
                 out.extend(crossings(k, line).into_iter().flatten().filter(|s| (0.0..1.0).contains(s)));
@@ -169,13 +168,13 @@ pub fn range(k: &[f64; 3]) -> (f64, f64) {
 }
 
 /// Where a parabola turns inside (0, 1).
-pub fn turning_point(k: &[f64; 3]) -> Option<f64> {
+pub(crate) fn turning_point(k: &[f64; 3]) -> Option<f64> {
     let turn = -k[1] / (2.0 * k[2]);
     (turn > 0.0 && turn < 1.0).then_some(turn)
 }
 
 /// Both solutions of `k(s) = value`, the numerically stable way.
-pub fn crossings(k: &[f64; 3], value: f64) -> [Option<f64>; 2] {
+pub(crate) fn crossings(k: &[f64; 3], value: f64) -> [Option<f64>; 2] {
     let c = k[0] - value;
     let disc = k[1] * k[1] - 4.0 * k[2] * c;
     if disc < 0.0 {
@@ -190,7 +189,7 @@ pub fn crossings(k: &[f64; 3], value: f64) -> [Option<f64>; 2] {
 /// The shell between the lowest and highest terrain that a ray has to be followed through: from entering the outer sphere
 /// to reaching the inner one or leaving the outer one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ShellSpan {
+pub(crate) struct ShellSpan {
     /// First ray parameter.
     pub t0: f64,
     /// Last ray parameter.
@@ -200,7 +199,7 @@ pub struct ShellSpan {
 }
 
 /// Clips a ray to the terrain's shell, starting no earlier than `t_min` and ending no later than `t_max`.
-pub fn shell_span(terrain: &Terrain, ray: &Ray, t_min: f64, t_max: f64) -> Option<ShellSpan> {
+pub(crate) fn shell_span(terrain: &Terrain, ray: &Ray, t_min: f64, t_max: f64) -> Option<ShellSpan> {
     /// Keeps rounding from cutting off a summit.
     const MARGIN_M: f64 = 0.01;
     let (lowest, highest) = terrain.height_range();

@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn weights_add_up_to_one_for_any_number_of_rays() {
-        let sun = Sun::from_vector(nalgebra::Vector3::z()).unwrap();
+        let sun = Sun::from_vector(selenograph_geometry::Vector3::z()).unwrap();
         for rays in [1, 5, 16, 17, 64, 100] {
             let patterns = Patterns::new(rays, Some(&sun), 3);
             let p = patterns.of_pixel(99);

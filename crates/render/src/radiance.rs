@@ -2,38 +2,15 @@
 
 use crate::dispatch;
 use crate::horizon::Horizon;
+use crate::job::{Job, TILE};
 use crate::kernel::MAX_SUNS;
 use crate::pattern::{Patterns, turned};
-use crate::shade::occluded;
+use crate::sun::SunDisc;
 use crate::tile::Tile;
-use crate::trace::tangents;
-use crate::{Error, Hit, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, View};
-use nalgebra::{Point2, UnitVector3, Vector3};
+use crate::{Error, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth, Viewpoint};
 use rayon::prelude::*;
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, pixel};
 use selenograph_raster::Raster;
-
-/// Side of the tiles that the picture is made in, pixels.
-pub(crate) const TILE: usize = 8;
-
-/// A Sun with two directions across its disc.
-pub(crate) struct SunDisc {
-    pub(crate) sun: Sun,
-    pub(crate) e1: Vector3<f64>,
-    pub(crate) e2: Vector3<f64>,
-}
-
-/// What all tiles of a picture share.
-pub(crate) struct Job<'a> {
-    pub(crate) tracer: &'a Tracer<'a>,
-    pub(crate) view: &'a View,
-    pub(crate) truth: &'a Truth,
-    pub(crate) settings: &'a RadianceSettings,
-    pub(crate) patterns: Patterns,
-    pub(crate) suns: Vec<SunDisc>,
-    /// Per Sun and layer, where a fast tile lies on it.
-    pub(crate) horizons: Vec<Vec<Option<Horizon>>>,
-}
 
 /// Radiance factor (I/F) of every pixel under each Sun: the mean over rays spread by the Gaussian point spread, each with a
 /// direction of its own on the Sun's disc. Rays that meet no terrain count as black.
@@ -44,7 +21,7 @@ pub(crate) struct Job<'a> {
 /// [`Error::Setting`] for unusable settings or a truth of another size.
 pub fn radiance(
     tracer: &Tracer<'_>,
-    view: &View,
+    view: &Viewpoint,
     truth: &Truth,
     suns: &[Sun],
     settings: &RadianceSettings,
@@ -162,85 +139,5 @@ impl Job<'_> {
         for (s, sum) in sums.iter().enumerate() {
             put(s, (albedo * sum) as f32);
         }
-    }
-
-    /// The albedo that a pixel sees; rays beside a pixel that itself sees nothing take the value of the nearest place known
-    /// for certain, which is none: 1.
-    pub(crate) fn pixel_albedo(&self, x: usize, y: usize) -> f64 {
-        match &self.settings.albedo {
-            crate::Albedo::Constant(value) => *value,
-            map @ crate::Albedo::Map(_) => self.truth.point(self.view, x, y).map_or(1.0, |p| map.at(&p)),
-        }
-    }
-
-    /// One ray, its shading and its shadow under each Sun.
-    pub(crate) fn exact_ray(&self, at: &Point2<f64>, disc: [f32; 2], weight: f64, sums: &mut [f64]) {
-        let Some(ray) = self.view.camera.ray_z1(at) else { return };
-        let direction = self.view.world_from_cam.vector(&ray);
-        let Hit::Surface(hit) = self.tracer.first_hit(self.view.origin(), direction, 0.0, f64::INFINITY)
-        else {
-            return;
-        };
-        let Some(local) = self.tracer.local_surface(&hit) else { return };
-        let towards_camera = -direction.normalize();
-        for (k, (sum, disc_of)) in sums.iter_mut().zip(&self.suns).enumerate() {
-            let towards_sun = disc_of.towards(disc);
-            let mu0 = local.normal.dot(&towards_sun);
-            if mu0 <= 0.0 {
-                continue;
-            }
-            let mu = local.normal.dot(&towards_camera);
-            let factor = self.settings.brdf.radiance_factor(mu0, mu, towards_sun.dot(&towards_camera), 1.0);
-            if factor > 0.0
-                && (self.settings.shadows == Shadows::Attached
-                    || !occluded(self.tracer, &self.horizons[k], &hit.point, &towards_sun))
-            {
-                *sum += weight * factor;
-            }
-        }
-    }
-}
-
-impl Job<'_> {
-    /// Whether the ground that a ray meets (at about `t`) is hidden from a place on the Sun's disc, knowing that the first
-    /// `clear_m` metres towards it are clear.
-    pub(crate) fn exact_shadow(
-        &self,
-        at: &Point2<f64>,
-        t: f64,
-        clear_m: f64,
-        sun: &SunDisc,
-        disc: [f32; 2],
-    ) -> bool {
-        let Some(ray) = self.view.camera.ray_z1(at) else { return false };
-        let direction = self.view.world_from_cam.vector(&ray);
-        let towards = sun.towards(disc).into_inner();
-        if clear_m > 0.0 {
-            // Off the ground a millimetre more or less at the start does not matter.
-            return self.tracer.occluded_between(
-                self.view.origin() + direction * t,
-                towards,
-                clear_m,
-                f64::INFINITY,
-            );
-        }
-        match self.tracer.first_hit(self.view.origin(), direction, 0.0, f64::INFINITY) {
-            Hit::Surface(hit) => self.tracer.occluded(hit.point, towards),
-            _ => false,
-        }
-    }
-}
-
-impl SunDisc {
-    pub(crate) fn new(sun: &Sun) -> Self {
-        let (e1, e2) = tangents(&sun.direction);
-        Self { sun: *sun, e1, e2 }
-    }
-
-    /// Direction to a place on the disc, given in units of its radius.
-    pub(crate) fn towards(&self, disc: [f32; 2]) -> UnitVector3<f64> {
-        let radius = self.sun.angular_radius_rad;
-        let across = self.e1 * (radius * f64::from(disc[0])) + self.e2 * (radius * f64::from(disc[1]));
-        UnitVector3::new_normalize(self.sun.direction.into_inner() + across)
     }
 }

@@ -1,10 +1,11 @@
 //! How a picture is made.
 
+use crate::Error;
 use crate::brdf::Brdf;
-use crate::{Error, Shadows};
-use nalgebra::Point3;
+use selenograph_geometry::Point3;
 use selenograph_raster::Raster;
 use selenograph_terrain::Grid;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What multiplies the reflectance law: the albedo of laws that have none of their own, a relative value for the others.
@@ -53,6 +54,17 @@ impl AlbedoMap {
         };
         Some(patch.eval(at[0] - i as f64, at[1] - j as f64).0).filter(|v| v.is_finite())
     }
+}
+
+/// Which shadows a picture has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shadows {
+    /// Ground that faces away from the Sun, and ground that other ground hides from it.
+    #[default]
+    Cast,
+    /// Only ground that faces away from the Sun (the pictures of the StereoLunar dataset).
+    Attached,
 }
 
 /// How rays are followed. The picture is the same, bit for bit, with the first three.

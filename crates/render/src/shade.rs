@@ -2,9 +2,9 @@
 
 use crate::Tracer;
 use crate::horizon::Horizon;
-use crate::radiance::SunDisc;
-use nalgebra::{Point3, UnitVector3};
+use crate::sun::SunDisc;
 use rayon::prelude::*;
+use selenograph_geometry::{Point3, UnitVector3};
 
 /// What hides one direction from the points of one picture.
 pub(crate) struct Shade<'a> {

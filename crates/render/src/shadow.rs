@@ -2,8 +2,8 @@
 //! ray.
 
 use crate::horizon::{FOREIGN_M, Horizon, SKIPS};
-use crate::kernel::{Cell, Nodes, floor, nonzero};
-use crate::simd::{Float16, Int16, Mask16};
+use crate::nodes::{Cell, Nodes};
+use crate::simd::{F32x16, I32x16, Mask32x16, floor, nonzero};
 use crate::tile::Tile;
 
 /// A ray is hidden if the ground stands this much above it, metres: rounding of the start.
@@ -37,7 +37,7 @@ struct Line<F> {
     bend: F,
 }
 
-impl<F: Float16> Line<F> {
+impl<F: F32x16> Line<F> {
     #[inline(always)]
     fn height(&self, s: F) -> F {
         self.z + s * (self.dz + s * self.bend)
@@ -46,12 +46,12 @@ impl<F: Float16> Line<F> {
 
 /// An index brought into `0..n`.
 #[inline(always)]
-fn clamped<F: Float16>(value: F::Int, n: i32) -> F::Int {
+fn clamped<F: F32x16>(value: F::Int, n: i32) -> F::Int {
     value.max(F::Int::splat(0)).min(F::Int::splat(n - 1))
 }
 
 /// What is known of sixteen shadow rays.
-pub(crate) struct Occlusion<F: Float16> {
+pub(crate) struct Occlusion<F: F32x16> {
     /// Lanes that the ground hides.
     pub(crate) hidden: F::Mask,
     /// Lanes that are not decided.
@@ -62,7 +62,7 @@ pub(crate) struct Occlusion<F: Float16> {
 
 /// Follows the `active` lanes towards the Sun.
 #[inline(always)]
-pub(crate) fn occlusion<F: Float16>(
+pub(crate) fn occlusion<F: F32x16>(
     tile: &Tile,
     nodes: &Nodes,
     horizon: Option<&Horizon>,
@@ -167,7 +167,7 @@ pub(crate) fn occlusion<F: Float16>(
 
 /// Which lanes meet the ground between two places, cell by cell.
 #[inline(always)]
-fn walk<F: Float16>(
+fn walk<F: F32x16>(
     tile: &Tile,
     nodes: &Nodes,
     line: &Line<F>,

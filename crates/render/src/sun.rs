@@ -1,9 +1,9 @@
 //! The Sun: a direction, a disc, a darkened limb.
 
 use crate::Error;
-use nalgebra::{UnitVector3, Vector3};
+use crate::trace::tangents;
 use selenograph_geometry::units::sun_angular_radius_rad;
-use selenograph_geometry::{Body, Geodetic};
+use selenograph_geometry::{Body, Geodetic, UnitVector3, Vector3};
 
 /// The Sun as seen from the scene. Parallax over a scene is 1e-9 rad and is left out: one direction for all points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,9 +72,30 @@ impl Sun {
     }
 
     /// Brightness at a fraction `rho` of the disc's radius, relative to the disc's mean.
-    pub fn disc_weight(&self, rho: f64) -> f64 {
+    pub(crate) fn disc_weight(&self, rho: f64) -> f64 {
         let mu = (1.0 - rho * rho).max(0.0).sqrt();
         (1.0 - self.limb_darkening * (1.0 - mu)) / (1.0 - self.limb_darkening / 3.0)
+    }
+}
+
+/// A Sun with two directions across its disc.
+pub(crate) struct SunDisc {
+    pub(crate) sun: Sun,
+    pub(crate) e1: Vector3<f64>,
+    pub(crate) e2: Vector3<f64>,
+}
+
+impl SunDisc {
+    pub(crate) fn new(sun: &Sun) -> Self {
+        let (e1, e2) = tangents(&sun.direction);
+        Self { sun: *sun, e1, e2 }
+    }
+
+    /// Direction to a place on the disc, given in units of its radius.
+    pub(crate) fn towards(&self, disc: [f32; 2]) -> UnitVector3<f64> {
+        let radius = self.sun.angular_radius_rad;
+        let across = self.e1 * (radius * f64::from(disc[0])) + self.e2 * (radius * f64::from(disc[1]));
+        UnitVector3::new_normalize(self.sun.direction.into_inner() + across)
     }
 }
 

@@ -1,11 +1,10 @@
 //! The setting up of one tile of the picture for the fast path: a local frame, a box of cells, a range along the rays.
 
+use crate::job::{Job, TILE};
 use crate::path::Ray;
 use crate::pattern::MAX_SIGMAS;
-use crate::radiance::{Job, TILE};
 use crate::trace::{grid_gradient, tangents};
-use nalgebra::{Point2, Point3, Vector3};
-use selenograph_geometry::pixel;
+use selenograph_geometry::{Point2, Point3, Vector3, pixel};
 use selenograph_terrain::{Layer, Terrain};
 
 /// A box with more nodes than this is not scanned for its slopes: the traversal is cheaper.

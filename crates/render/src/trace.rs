@@ -4,10 +4,9 @@
 //! then polished on the exact path, `|o + t d| = R + h(grid(o + t d))`, so the result carries no error of the
 //! traversal: about 1e-9 m, the rounding of `|p| − R`.
 
-use crate::leaf::{Entry, Leaf, leaf_bilinear, leaf_smooth};
+use crate::leaf::{Entry, Leaf, Query, leaf_bilinear, leaf_smooth};
 use crate::path::{self, OnMap, Piece, Ray, eval, shell_span};
-use nalgebra::{Point3, UnitVector3, Vector3};
-use selenograph_geometry::Projection;
+use selenograph_geometry::{Point3, Projection, UnitVector3, Vector3};
 use selenograph_terrain::{Grid, Layer, Terrain};
 use serde::{Deserialize, Serialize};
 
@@ -94,14 +93,6 @@ pub struct Tracer<'a> {
     pub(crate) layers: Vec<LayerView<'a>>,
 }
 
-/// Whether the first hit is wanted, or only whether there is one beyond the start.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Query {
-    First,
-    /// The ray starts on the surface; a hit must go deeper than the rounding of its start.
-    Occlusion,
-}
-
 enum PieceHit {
     None,
     At { t: f64, layer_idx: usize },
@@ -147,7 +138,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Whether the terrain stands in the way between `t_min` and `t_max` along a direction from a point on the surface.
-    pub fn occluded_between(
+    pub(crate) fn occluded_between(
         &self,
         point_on_surface: Point3<f64>,
         direction: Vector3<f64>,

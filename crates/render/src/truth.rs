@@ -1,10 +1,9 @@
 //! What is true of a picture: geometry per pixel, and light per pixel and Sun.
 
 use crate::shade::Shade;
-use crate::{Error, Hit, Sun, Tracer, View};
-use nalgebra::Point3;
+use crate::{Error, Hit, Shadows, Sun, Tracer, Viewpoint};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use selenograph_geometry::Point3;
 
 /// Geometry seen by the ray through each pixel's centre, without blur. Rows first, `width × height` entries each.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,7 +58,7 @@ impl Truth {
     ///
     /// # Errors
     /// [`Error::CameraBelowGround`].
-    pub fn cast(tracer: &Tracer<'_>, view: &View) -> Result<Self, Error> {
+    pub fn cast(tracer: &Tracer<'_>, view: &Viewpoint) -> Result<Self, Error> {
         view.check_above_ground(tracer.terrain())?;
         let (width, height) = (view.camera.width, view.camera.height);
         let pixels: Vec<Pixel> = (0..width * height)
@@ -86,14 +85,14 @@ impl Truth {
     }
 
     /// The body-fixed point that a pixel's centre sees.
-    pub fn point(&self, view: &View, x: usize, y: usize) -> Option<Point3<f64>> {
+    pub fn point(&self, view: &Viewpoint, x: usize, y: usize) -> Option<Point3<f64>> {
         let depth_z = self.depth_z[y * self.width + x];
         let direction = view.direction(x, y)?;
         depth_z.is_finite().then(|| view.origin() + direction * depth_z)
     }
 }
 
-fn cast_pixel(tracer: &Tracer<'_>, view: &View, x: usize, y: usize) -> Pixel {
+fn cast_pixel(tracer: &Tracer<'_>, view: &Viewpoint, x: usize, y: usize) -> Pixel {
     let Some(direction) = view.direction(x, y) else { return NOTHING };
     let hit = match tracer.first_hit(view.origin(), direction, 0.0, f64::INFINITY) {
         Hit::Sky => return Pixel { sky: true, ..NOTHING },
@@ -113,17 +112,6 @@ fn cast_pixel(tracer: &Tracer<'_>, view: &View, x: usize, y: usize) -> Pixel {
     }
 }
 
-/// Which shadows a picture has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Shadows {
-    /// Ground that faces away from the Sun, and ground that other ground hides from it.
-    #[default]
-    Cast,
-    /// Only ground that faces away from the Sun (the pictures of the StereoLunar dataset).
-    Attached,
-}
-
 /// Light on each pixel's centre, by the Sun's centre. Rows first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightMaps {
@@ -139,7 +127,7 @@ pub struct LightMaps {
 
 impl LightMaps {
     /// Angles and shadow for every valid pixel of a truth.
-    pub fn cast(tracer: &Tracer<'_>, view: &View, truth: &Truth, sun: &Sun, shadows: Shadows) -> Self {
+    pub fn cast(tracer: &Tracer<'_>, view: &Viewpoint, truth: &Truth, sun: &Sun, shadows: Shadows) -> Self {
         let width = truth.width;
         let points: Vec<Option<Point3<f64>>> = (0..truth.depth_z.len())
             .into_par_iter()
@@ -152,7 +140,7 @@ impl LightMaps {
             .map(|(n, point)| {
                 let Some(point) = point else { return ([f32::NAN; 3], 0) };
                 let [nx, ny, nz] = truth.normal[n].map(f64::from);
-                let normal = nalgebra::Vector3::new(nx, ny, nz);
+                let normal = selenograph_geometry::Vector3::new(nx, ny, nz);
                 let towards_camera = (view.origin() - point).normalize();
                 let angle = |cosine: f64| cosine.clamp(-1.0, 1.0).acos() as f32;
                 let cos_incidence = normal.dot(&sun.direction);

@@ -6,14 +6,13 @@
 mod common;
 
 use common::{layer, nested};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Geodetic, Projection, lookat, proj_string::Crs};
+use selenograph_geometry::{Body, Camera, Geodetic, Point3, Projection, Vector3, lookat, proj_string::Crs};
 use selenograph_raster::Raster;
 use selenograph_raster::georef::Affine;
 use selenograph_render::brdf::Brdf;
 use selenograph_render::{
     Albedo, AlbedoMap, Hit, InstructionSet, Interpolation, RadianceSettings, Shadows, Sun, Tracer, Truth,
-    View, radiance,
+    Viewpoint, radiance,
 };
 use selenograph_terrain::{Grid, Layer, Terrain};
 use std::sync::Arc;
@@ -51,11 +50,11 @@ fn rough() -> Terrain {
 }
 
 /// A camera over the place, tilted northwards from the vertical.
-fn view(body: &Body, altitude_m: f64, tilt_deg: f64, fov_rad: f64) -> View {
+fn view(body: &Body, altitude_m: f64, tilt_deg: f64, fov_rad: f64) -> Viewpoint {
     let place = Geodetic::from_deg(PLACE_DEG[0], PLACE_DEG[1], altitude_m);
     let forward = body.direction(&place, 0.0, (tilt_deg - 90.0).to_radians());
     let right = body.direction(&place, std::f64::consts::FRAC_PI_2, 0.0);
-    View {
+    Viewpoint {
         camera: Camera::from_fov(48, 48, fov_rad).unwrap(),
         world_from_cam: lookat::from_forward_and_right(body.point(&place), &forward, &right).unwrap(),
     }

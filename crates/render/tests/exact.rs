@@ -5,8 +5,7 @@
 mod common;
 
 use common::{layer, nested};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Geodetic, Pole, Projection, proj_string::Crs};
+use selenograph_geometry::{Body, Geodetic, Point3, Pole, Projection, Vector3, proj_string::Crs};
 use selenograph_raster::georef::Affine;
 use selenograph_render::{Hit, Interpolation, Tracer};
 use selenograph_terrain::{Grid, Layer, Terrain};

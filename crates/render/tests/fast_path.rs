@@ -5,11 +5,11 @@
 mod common;
 
 use common::{layer, nested};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, Camera, Distortion, Projection, lookat};
+use selenograph_geometry::{Body, Camera, Distortion, Point3, Projection, Vector3, lookat};
 use selenograph_raster::Raster;
 use selenograph_render::{
-    InstructionSet, Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
+    InstructionSet, Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, Viewpoint,
+    radiance,
 };
 use selenograph_terrain::Terrain;
 
@@ -22,7 +22,7 @@ fn single() -> Terrain {
 }
 
 /// A camera `altitude_m` over the middle of the finest layer, tilted from the vertical.
-fn view(terrain: &Terrain, altitude_m: f64, tilt_deg: f64, size: usize, distortion: Distortion) -> View {
+fn view(terrain: &Terrain, altitude_m: f64, tilt_deg: f64, size: usize, distortion: Distortion) -> Viewpoint {
     let grid = &terrain.layers[0].grid;
     let middle = grid.point_from_grid((grid.cols / 2) as f64, (grid.rows / 2) as f64, 0.0).unwrap();
     let enu = terrain.body.body_from_enu(&terrain.body.place(&middle));
@@ -30,18 +30,23 @@ fn view(terrain: &Terrain, altitude_m: f64, tilt_deg: f64, size: usize, distorti
     let forward = enu.vector(&Vector3::new(0.6 * sin, 0.8 * sin, -cos));
     let origin: Point3<f64> = middle - forward * (altitude_m / cos);
     let camera = Camera::from_fov(size, size, 0.35).unwrap().with_distortion(distortion);
-    View {
+    Viewpoint {
         camera,
         world_from_cam: lookat::from_forward_and_right(origin, &forward, &enu.vector(&Vector3::x())).unwrap(),
     }
 }
 
-fn sun(terrain: &Terrain, view: &View, azimuth_deg: f64, elevation_deg: f64) -> Sun {
+fn sun(terrain: &Terrain, view: &Viewpoint, azimuth_deg: f64, elevation_deg: f64) -> Sun {
     let site = terrain.body.place(&view.origin());
     Sun::at_site(&terrain.body, &site, f64::to_radians(azimuth_deg), f64::to_radians(elevation_deg)).unwrap()
 }
 
-fn picture(terrain: &Terrain, view: &View, suns: &[Sun], settings: &RadianceSettings) -> Vec<Raster<f32>> {
+fn picture(
+    terrain: &Terrain,
+    view: &Viewpoint,
+    suns: &[Sun],
+    settings: &RadianceSettings,
+) -> Vec<Raster<f32>> {
     let tracer = Tracer::new(terrain, Interpolation::Bilinear);
     let truth = Truth::cast(&tracer, view).unwrap();
     radiance(&tracer, view, &truth, suns, settings).unwrap()

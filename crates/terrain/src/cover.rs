@@ -75,7 +75,7 @@ impl Coverage {
     }
 
     /// Share of pixels that see coarse cells; 0 of no pixels.
-    pub fn coarse_share(&self) -> f64 {
+    pub(crate) fn coarse_share(&self) -> f64 {
         self.share(self.num_coarse)
     }
 

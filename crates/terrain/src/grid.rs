@@ -1,7 +1,7 @@
 //! A regular grid of nodes on a map.
 
 use crate::Error;
-use nalgebra::Point3;
+use selenograph_geometry::Point3;
 use selenograph_geometry::proj_string::Crs;
 use selenograph_raster::georef::Affine;
 

@@ -1,10 +1,7 @@
 //! One grid of node heights and the surface between the nodes.
 
-use crate::{Error, Grid, Pyramid};
+use crate::{Block, Error, Grid, Pyramid};
 use std::sync::Arc;
-
-/// Floats in memory or in a mapped file.
-pub type Block = Arc<dyn AsRef<[f32]> + Send + Sync>;
 
 /// Side of the blocks for which a layer records its effective cell size, cells.
 pub const SUPPORT_BLOCK: usize = 16;
@@ -18,7 +15,7 @@ pub struct Layer {
     pub heights: Block,
     /// Max and min levels.
     pub pyramid: Pyramid,
-    /// Effective cell size per [`SUPPORT_BLOCK`]² cells, metres: larger than the grid's own where the layer was filled
+    /// Effective cell size per `SUPPORT_BLOCK`² cells, metres: larger than the grid's own where the layer was filled
     /// from a coarser one; `None` if it is the grid's own everywhere.
     pub support_m: Option<Block>,
     /// Size of the grid's own cells, metres.

@@ -3,7 +3,8 @@
 //! Layout (all numbers little-endian): a 4096-byte header, then page-aligned sections of f32: node heights row by row,
 //! max levels one after another, min levels one after another, and, if there is one, the support.
 
-use crate::layer::{Block, SUPPORT_BLOCK};
+use crate::Block;
+use crate::layer::SUPPORT_BLOCK;
 use crate::pyramid::FIRST_MIN_LEVEL;
 use crate::{Error, Grid, Pyramid, PyramidBuilder, PyramidShape};
 use serde::{Deserialize, Serialize};

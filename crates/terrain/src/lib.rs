@@ -4,19 +4,20 @@
 //! see `docs/conventions.md`.
 
 pub mod cover;
-pub mod error;
-pub mod grid;
+mod error;
+mod grid;
 pub mod import;
-pub mod layer;
+mod layer;
 mod layer_file;
 pub mod nest;
-pub mod pyramid;
+mod pyramid;
 pub mod store;
 pub mod synth;
-pub mod terrain;
+mod terrain;
 
 pub use error::Error;
 pub use grid::Grid;
-pub use layer::{Block, Layer, Patch};
-pub use pyramid::{Pyramid, PyramidBuilder, PyramidShape};
+pub use layer::{Layer, Patch};
+pub(crate) use pyramid::PyramidBuilder;
+pub use pyramid::{Block, Pyramid, PyramidShape};
 pub use terrain::{SurfaceSample, Terrain};

@@ -4,6 +4,7 @@
 //! waves of both agree everywhere. `w` is C¹, 1 inside, 0 at the rim and at absent nodes, over a width of at least one
 //! coarse cell, and wider where the two differ much: the slope that fading adds is at most `1.5 · |step| / width`.
 
+mod report;
 mod scratch;
 mod steps;
 mod under;
@@ -14,51 +15,16 @@ use crate::layer_file::support_size;
 use crate::store::{NewLayer, Source, TerrainWriter};
 use crate::{Error, Grid};
 use rayon::prelude::*;
+pub use report::NestReport;
 use scratch::Scratch;
-use serde::{Deserialize, Serialize};
-use steps::Steps;
+pub use steps::NestOptions;
+use steps::{Steps, step_m};
 use under::Under;
 pub use weight::Widths;
 use weight::{BlockDistance, Weight};
 
 /// Rows handled at a time.
 const BAND_ROWS: usize = 64;
-/// How a finer layer is fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NestOptions {
-    /// Least width of the fade, in cells of the coarser terrain.
-    pub blend_cells: f64,
-    /// Slope (tangent) that fading may add, for 99 of 100 places at the rim: the width grows until it holds.
-    pub max_seam_slope: f64,
-    /// The fade takes at most this share of the layer's shorter side from each side.
-    pub max_share: f64,
-}
-
-impl Default for NestOptions {
-    /// 0.05 is 2.9°, a quarter of the median slope of the polar sites.
-    fn default() -> Self {
-        Self { blend_cells: 2.0, max_seam_slope: 0.05, max_share: 0.2 }
-    }
-}
-
-/// What fitting a layer found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NestReport {
-    /// Widths of the fade: each as wide as the steps along it ask for.
-    pub widths: Widths,
-    /// 99th percentile of |fine − coarse| at the rim and at holes, before fitting, metres.
-    pub step_p99_m: f64,
-    /// The largest, metres.
-    pub step_max_m: f64,
-    /// Largest |fitted − coarse| at the nodes of the rim, metres: rounding.
-    pub rim_residual_m: f64,
-    /// The same halfway between them, where the coarse surface may bend and the fine one does not, metres.
-    pub rim_between_nodes_m: f64,
-    /// Absent nodes that were filled from the coarser terrain.
-    pub num_filled: u64,
-}
 
 /// Fits a finer elevation model onto what a writer holds already and adds it as its next layer.
 ///
@@ -128,13 +94,6 @@ pub fn add_nested(
     drop(surface);
     writer.finish_layer(layer, source, Some(&support), Some(report))?;
     Ok(report)
-}
-
-/// Metres per column and per row at the middle.
-fn step_m(grid: &Grid) -> [f64; 2] {
-    let [step_c, step_r] = grid.map_from_grid().steps();
-    let scale = grid.cell_m() / (step_c * step_r).sqrt();
-    [step_c * scale, step_r * scale]
 }
 
 /// Blocks with a corner under which the coarser terrain is absent.

@@ -1,7 +1,9 @@
 //! Max and min heights over 2ᵏ × 2ᵏ cells, built row by row so that a DEM larger than memory streams through.
 
-use crate::layer::Block;
 use std::sync::Arc;
+
+/// Floats in memory or in a mapped file.
+pub type Block = Arc<dyn AsRef<[f32]> + Send + Sync>;
 
 /// Min levels start here (8×8 cells): they bound where a ray can *start*, which needs no finer steps, and the whole
 /// pyramid stays at 1.36 × the heights.
@@ -17,7 +19,7 @@ pub struct PyramidShape {
     pub rows: Vec<usize>,
     /// Where a level starts in the block of max levels (entry 0 is unused).
     pub max_offset: Vec<usize>,
-    /// Where a level starts in the block of min levels (entries below [`FIRST_MIN_LEVEL`] are unused).
+    /// Where a level starts in the block of min levels (entries below `FIRST_MIN_LEVEL` are unused).
     pub min_offset: Vec<usize>,
     /// Length of the block of max levels.
     pub max_len: usize,
@@ -90,12 +92,12 @@ impl Pyramid {
     }
 
     /// Highest node of a block of level `level ≥ 1`.
-    pub fn max_at(&self, level: usize, i: usize, j: usize) -> f32 {
+    pub(crate) fn max_at(&self, level: usize, i: usize, j: usize) -> f32 {
         (*self.max).as_ref()[self.shape.max_offset[level] + j * self.shape.cols[level] + i]
     }
 
     /// Lowest node of a block of level `level ≥ FIRST_MIN_LEVEL`; −∞ if a node is absent.
-    pub fn min_at(&self, level: usize, i: usize, j: usize) -> f32 {
+    pub(crate) fn min_at(&self, level: usize, i: usize, j: usize) -> f32 {
         (*self.min).as_ref()[self.shape.min_offset[level] + j * self.shape.cols[level] + i]
     }
 
@@ -123,8 +125,8 @@ impl Pyramid {
 }
 
 /// One finished row of one level, handed out by [`PyramidBuilder::push_row`].
-pub struct LevelRow<'a> {
-    /// Level, 1 or higher. Min values count from [`FIRST_MIN_LEVEL`] on.
+pub(crate) struct LevelRow<'a> {
+    /// Level, 1 or higher. Min values count from `FIRST_MIN_LEVEL` on.
     pub level: usize,
     /// Row within the level.
     pub row: usize,
@@ -143,7 +145,7 @@ struct Partial {
 }
 
 /// Builds a pyramid from node rows pushed in order; holds two rows per level.
-pub struct PyramidBuilder {
+pub(crate) struct PyramidBuilder {
     shape: PyramidShape,
     /// Bounds between the last node row and the one before it need both.
     previous: Option<(Vec<f32>, Vec<f32>)>,
@@ -168,7 +170,7 @@ impl PyramidBuilder {
     }
 
     /// Takes the next node row; calls `emit` for each level row that this completes.
-    pub fn push_row(&mut self, nodes: &[f32], mut emit: impl FnMut(LevelRow<'_>)) {
+    pub(crate) fn push_row(&mut self, nodes: &[f32], mut emit: impl FnMut(LevelRow<'_>)) {
         let num_cells = self.shape.cols[0];
         // Bounds of neighbouring node pairs in this row.
         let low = |v: f32| if v.is_nan() { f32::NEG_INFINITY } else { v };

@@ -1,8 +1,7 @@
 //! Several layers as one surface.
 
 use crate::{Error, Layer};
-use nalgebra::Point3;
-use selenograph_geometry::Body;
+use selenograph_geometry::{Body, Point3};
 
 /// One surface made of layers, finest first: a point belongs to the first layer whose node rectangle contains it.
 #[derive(Clone)]

@@ -259,31 +259,57 @@ fn shared(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The named models under `data/dem`, or a skip.
-fn models(names: &[&str]) -> Option<Vec<ImportSource>> {
-    names
-        .iter()
-        .map(|name| {
-            Some(ImportSource { path: shared(&format!("data/dem/{name}"))?, options: OpenOptions::default() })
+/// The models under `data/dem` that lie inside a coarser one on the same map, each such coarse model with its fine ones.
+fn nested_models() -> Vec<Vec<ImportSource>> {
+    let Some(folder) = shared("data/dem") else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|e| e == "tif" || e == "lbl" || e == "xml"));
+    paths.sort();
+    let grid = |path: &PathBuf| {
+        let reader = DemReader::open(path, &OpenOptions::default()).unwrap();
+        let info = reader.info();
+        Grid::new(info.crs.clone(), info.width, info.height, info.map_from_pixel.grid_from_pixel()).unwrap()
+    };
+    let models: Vec<(PathBuf, Grid)> = paths.into_iter().map(|path| (path.clone(), grid(&path))).collect();
+    let lies_inside = |fine: &Grid, coarse: &Grid| {
+        let corners = [0, fine.cols - 1].map(|c| [0, fine.rows - 1].map(|r| [c as f64, r as f64]));
+        fine.crs == coarse.crs
+            && fine.cell_m() < coarse.cell_m()
+            && corners.as_flattened().iter().all(|[c, r]| {
+                let [x, y] = fine.map_from_grid().apply(*c, *r);
+                coarse.contains(coarse.grid_from_map().apply(x, y))
+            })
+    };
+    let source = |path: &PathBuf| ImportSource { path: path.clone(), options: OpenOptions::default() };
+    let outermost = models.iter().filter(|(_, own)| !models.iter().any(|(_, other)| lies_inside(own, other)));
+    outermost
+        .map(|(path, coarse)| {
+            let fine =
+                models.iter().filter(|(_, grid)| lies_inside(grid, coarse)).map(|(path, _)| source(path));
+            fine.chain([source(path)]).collect::<Vec<_>>()
         })
+        .filter(|nest| nest.len() > 1)
         .collect()
 }
 
 #[test]
 fn shared_real_models_make_one_surface_without_cliffs() {
-    let names = [
-        "peak_near_shackleton_5m.tif",
-        "connecting_ridge_5m.tif",
-        "shackleton_region_40m.tif",
-        "lola_dem_south.tif",
-    ];
-    let Some(sources) = models(&names) else { return };
+    let nests = nested_models();
+    for sources in &nests {
+        check_nest(sources);
+    }
+    if !nests.is_empty() {
+        println!("RAN shared-data: shared_real_models_make_one_surface_without_cliffs");
+    }
+}
+
+fn check_nest(sources: &[ImportSource]) {
     let dir = tempfile::tempdir().unwrap();
     let target = dir.path().join("terrain");
-    import(&sources, &target, &ImportOptions::default(), &mut |_| {}).unwrap();
+    import(sources, &target, &ImportOptions::default(), &mut |_| {}).unwrap();
     let terrain = Terrain::open(&target).unwrap();
     let description = describe(&target).unwrap();
-    assert_eq!(terrain.layers.len(), names.len());
+    assert_eq!(terrain.layers.len(), sources.len());
     for (layer, described) in terrain.layers.iter().zip(&description.layers) {
         let Some(report) = described.nest else { continue };
         let name = &described.source.name;
@@ -325,5 +351,4 @@ fn shared_real_models_make_one_surface_without_cliffs() {
         let col = layer.grid.cols / 2;
         assert!((rows[col] - layer.node(col, row)).abs() < 1e-3);
     }
-    println!("RAN shared-data: shared_real_models_make_one_surface_without_cliffs");
 }

@@ -5,18 +5,18 @@
 //! WEIGHTS is read (random weights without it); BATCH, the pair as the losses see it, is written. `RAYON_NUM_THREADS` sets
 //! the threads. Each step and each part of it is a line of JSON: seconds by the wall and of the processor, and the largest
 //! resident memory while it ran.
+#![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program talks to its user")]
 
 use std::path::Path;
 use std::time::Instant;
 
 use burn_tensor::Device;
-use nalgebra::{Matrix3, Point3};
 use selenograph_dataset::correspondence::Matches;
 use selenograph_dataset::rng::{Stream, rng};
 use selenograph_dataset::sample::{Provenance, TrainingPair, TrainingView, ViewTruth};
-use selenograph_geometry::{Camera, Rigid3};
-use selenograph_model::{Keep, Model};
+use selenograph_geometry::{Camera, Matrix3, Point3, Rigid3};
+use selenograph_model::{Model, SavedActivations};
 use selenograph_network::layout::Layout;
 use selenograph_network::safetensors::{Entry, Writer};
 use selenograph_network::{Checkpoint, ElementType, Preset, random};
@@ -147,7 +147,7 @@ fn main() {
     let (height, width) = (arg(1, "256").parse().unwrap(), arg(2, "256").parse().unwrap());
     let num_steps: usize = arg(3, "2").parse().unwrap();
     let recompute = arg(4, "everything") == "inputs";
-    let keep = if recompute { Keep::BlockInputs } else { Keep::Everything };
+    let keep = if recompute { SavedActivations::BlockInputs } else { SavedActivations::Everything };
 
     let pair = pair(width, height);
     let settings = AssemblySettings { match_block: MATCHES, epipolar: false };

@@ -1,7 +1,7 @@
 //! What a network of crate `model` keeps while it learns from a pair: an estimate from the inputs of its layers.
 
 use crate::Frozen;
-use selenograph_model::Keep;
+use selenograph_model::SavedActivations;
 use selenograph_network::{NetworkConfig, Transformer};
 
 /// Rows of a block's width per token: norms, queries, keys, values, products, four of the hidden layer before and after its
@@ -25,7 +25,12 @@ const HIDDEN_ROWS: usize = 3;
 
 /// Numbers kept of both pictures of a pair of `size` (rows, columns), each pair both ways, and what comes and goes beside
 /// them.
-pub(crate) fn floats(config: &NetworkConfig, frozen: Frozen, keep: Keep, size: [usize; 2]) -> u64 {
+pub(crate) fn floats(
+    config: &NetworkConfig,
+    frozen: Frozen,
+    keep: SavedActivations,
+    size: [usize; 2],
+) -> u64 {
     let num_pixels = size[0] * size[1];
     let tokens = num_pixels / config.patch_area();
     let encoder = match frozen {
@@ -43,13 +48,18 @@ pub(crate) fn floats(config: &NetworkConfig, frozen: Frozen, keep: Keep, size: [
 }
 
 /// Of one picture in the blocks of a transformer, each of `rows` per token and `attentions`.
-fn blocks(shape: &Transformer, tokens: usize, [rows, attentions]: [usize; 2], keep: Keep) -> usize {
+fn blocks(
+    shape: &Transformer,
+    tokens: usize,
+    [rows, attentions]: [usize; 2],
+    keep: SavedActivations,
+) -> usize {
     let maps = attentions * shape.num_heads * tokens * tokens;
     let kept = tokens * shape.dim * rows + SCORES * maps;
     let passing = SCORES_BACK * maps;
     match keep {
-        Keep::Everything => shape.num_blocks * kept + passing,
-        Keep::BlockInputs => shape.num_blocks * tokens * shape.dim + kept + passing,
+        SavedActivations::Everything => shape.num_blocks * kept + passing,
+        SavedActivations::BlockInputs => shape.num_blocks * tokens * shape.dim + kept + passing,
     }
 }
 

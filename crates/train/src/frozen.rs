@@ -2,11 +2,11 @@
 
 use crate::Error;
 use crate::batch::PairImages;
-use crate::model_network::stored;
 use crate::run::checkpoint::host_values;
 use blake3::Hash;
+use burn_tensor::Device;
 use selenograph_engine::{Encoder, Image};
-use selenograph_model::{Features, Grid, Model};
+use selenograph_model::{Features, Grid, Images, Model};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -103,6 +103,14 @@ impl Kept {
             self.free_bytes -= bytes;
         }
     }
+}
+
+/// The pictures as the model takes them.
+pub(crate) fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
+    let [height, width] = images.size;
+    let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
+    let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
+    Ok(Images::stored_landscape(images.values.clone(), images.size, &true_sizes, device)?)
 }
 
 /// Of all that decides what the encoder makes of a picture: its size, how it is stored, its values.

@@ -3,10 +3,10 @@
 use crate::Error;
 use crate::activations;
 use crate::batch::{PairImages, ViewOutput};
-use crate::frozen::FrozenEncoder;
+use crate::frozen::{FrozenEncoder, stored};
 use crate::network::{Changes, Gradients, PairNetwork};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Features, Images, Inputs, Keep, Model, Output, Parameter};
+use selenograph_model::{Features, Inputs, Model, Output, Parameter, SavedActivations};
 use selenograph_network::checkpoint;
 use selenograph_network::layout::Part;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ pub enum Frozen {
 pub struct ModelNetwork {
     model: Model,
     frozen: Frozen,
-    keep: Keep,
+    keep: SavedActivations,
     metadata: BTreeMap<String, String>,
     cache_bytes: usize,
     /// Made when it is first needed, and again after its weights were changed.
@@ -37,7 +37,13 @@ pub struct ModelNetwork {
 
 impl ModelNetwork {
     /// A model to be trained; `license` and `provenance` go into the header of its files.
-    pub fn new(model: Model, frozen: Frozen, keep: Keep, license: Option<&str>, provenance: &str) -> Self {
+    pub fn new(
+        model: Model,
+        frozen: Frozen,
+        keep: SavedActivations,
+        license: Option<&str>,
+        provenance: &str,
+    ) -> Self {
         let mut metadata = checkpoint::header(model.config(), license);
         metadata.insert(checkpoint::key::PROVENANCE.to_owned(), provenance.to_owned());
         Self { model, frozen, keep, metadata, cache_bytes: 0, encoder: Mutex::new(None) }
@@ -99,14 +105,6 @@ impl ModelNetwork {
             }
         }
     }
-}
-
-/// The pictures as the model takes them.
-pub(crate) fn stored(images: &PairImages, device: &Device) -> Result<Images, Error> {
-    let [height, width] = images.size;
-    let true_size = |portrait: &bool| if *portrait { [width, height] } else { [height, width] };
-    let true_sizes: Vec<_> = images.portrait.iter().map(true_size).collect();
-    Ok(Images::stored_landscape(images.values.clone(), images.size, &true_sizes, device)?)
 }
 
 /// Places of the first and second view of each item: every pair both ways.

@@ -1,6 +1,6 @@
-//! The time of day: libraries do not read it, the binary stamps runs.
+//! The clock: libraries do not read it, the binary stamps runs and says how long they take.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 const DAY_S: u64 = 86_400;
 
@@ -17,6 +17,15 @@ pub fn now_utc() -> String {
 pub fn since_1970() -> Duration {
     // A clock before 1970 is told as 1970: the stamp decides nothing.
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO)
+}
+
+/// Where a stretch of time begins: `elapsed` says how long it is.
+#[allow(
+    clippy::disallowed_methods,
+    reason = "the binary says how long things take, and keeps a budget of time"
+)]
+pub fn instant() -> Instant {
+    Instant::now()
 }
 
 /// Seconds since 1970 as a date and time of the Gregorian calendar.

@@ -1,9 +1,10 @@
 //! `demo`: a synthetic Moon, stereo pairs on it, terrain from one of them, scores of all of them. The commands of the product, one
 //! after the other.
 
+use super::clock::{instant, now_utc};
 use super::generate::{inputs, render_all};
 use super::planning::make_plan;
-use super::{clock::now_utc, data_sheet, dem_import, dem_synth, evaluate, reconstruct};
+use super::{data_sheet, dem_import, dem_synth, evaluate, reconstruct};
 use crate::args::Target;
 use crate::args::campaign::Demo;
 use crate::args::data::Sheet;
@@ -23,7 +24,6 @@ use selenograph_render::Tracer;
 use selenograph_report::{Figure, Page, Picture};
 use selenograph_terrain::Terrain;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Side and cell of the Moon that is made: 41 km round the pole.
 const SIDE: usize = 4096;
@@ -43,7 +43,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = Draft::new(&args.target.out, args.target.force)?;
     let folder = draft.path();
     std::fs::create_dir(folder)?;
-    let start = Instant::now();
+    let start = instant();
     let quiet = ui.without_notes();
     let at = |name: &str| folder.join(name);
     let target = |path: PathBuf| Target { out: path, force: false };

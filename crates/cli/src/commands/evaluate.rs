@@ -1,6 +1,6 @@
 //! `evaluate`: methods against the truth of a dataset.
 
-use super::clock::now_utc;
+use super::clock::{instant, now_utc};
 use super::data_check::convention;
 use super::network::{self, builtin};
 use crate::args::evaluate::{CrossLight, Evaluate};
@@ -18,7 +18,6 @@ use selenograph_evaluate::{ItemFigures, plots, worst};
 use selenograph_network::Checkpoint;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use std::path::Path;
-use std::time::Instant;
 
 /// Tables that are printed; the others are in the files.
 const PRINTED: [&str; 4] = ["pose", "terrain_overlap", "terrain_paper", "hard_cases"];
@@ -227,7 +226,7 @@ fn evaluate(
     ui: &Ui,
 ) -> anyhow::Result<(run::Completed, Vec<Vec<run::Line>>)> {
     let bar = ui.bar((source.num_items() * settings.methods.len()) as u64, "items");
-    let start = Instant::now();
+    let start = instant();
     let tell = |progress: Progress| {
         if progress.num_done == 0 {
             // Items found in the files say nothing about how fast this run is.

@@ -1,6 +1,6 @@
 //! `generate`: planned pairs rendered into a dataset folder.
 
-use super::clock::now_utc;
+use super::clock::{instant, now_utc};
 use super::planning::{check_carries, make_plan};
 use crate::args::campaign::Generate;
 use crate::exit::{Outcome, refuse};
@@ -14,7 +14,6 @@ use selenograph_render::Tracer;
 use selenograph_terrain::{Terrain, store};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::Instant;
 
 /// Plans, renders and writes; a second run goes on where the first stopped.
 ///
@@ -63,7 +62,7 @@ pub fn render_all(
     ui: &Ui,
 ) -> anyhow::Result<Report> {
     let bar = ui.bar(plan.rows.len() as u64, "pairs");
-    let start = Instant::now();
+    let start = instant();
     let tell = |progress: Progress| {
         bar.set_length(progress.num_pairs);
         if progress.num_done == 0 {

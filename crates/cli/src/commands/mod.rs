@@ -1,7 +1,7 @@
 //! What the commands do, one file each.
 
 mod albedo;
-mod clock;
+pub mod clock;
 mod completions;
 mod config_show;
 mod data_check;

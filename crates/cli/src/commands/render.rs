@@ -13,7 +13,7 @@ use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, statistics};
 use selenograph_render::brdf::{Brdf, Hapke, Hapke1963, LunarLambert, Minnaert};
 use selenograph_render::{
-    Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tone, Tracer, Truth, View, radiance,
+    Interpolation, LightMaps, RadianceSettings, Shadows, Sun, Tone, Tracer, Truth, Viewpoint, radiance,
 };
 use selenograph_terrain::Terrain;
 use serde::Serialize;
@@ -47,7 +47,7 @@ struct Record {
 
 /// Everything that was computed.
 struct Picture {
-    view: View,
+    view: Viewpoint,
     truth: Truth,
     light: LightMaps,
     radiance: Raster<f32>,
@@ -62,7 +62,8 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
     let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, Interpolation::default());
     let place = ground(&terrain, &args.camera)?;
-    let view = View { camera: camera(&args.camera)?, world_from_cam: pose(&terrain, &place, &args.camera)? };
+    let view =
+        Viewpoint { camera: camera(&args.camera)?, world_from_cam: pose(&terrain, &place, &args.camera)? };
     let sun = sun(&terrain, &place, &args.light)?;
     if args.light.sun_elevation_deg < 0.0 {
         ui.note("note: the Sun is below the horizon at the place looked at: expect a dark picture");

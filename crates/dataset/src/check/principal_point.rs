@@ -8,7 +8,7 @@
 use super::numbers::moved;
 use super::reprojection::{Carrier, OUTLIER, View};
 use nalgebra::{Matrix2, Point2, Vector2};
-use selenograph_geometry::pixel;
+use selenograph_geometry::{pixel, robust::MAD_TO_SIGMA};
 use selenograph_raster::{Raster, resample, statistics};
 use serde::Serialize;
 use std::fmt;
@@ -112,7 +112,7 @@ fn linearised(a: &View, b: &View, offset: &Vector2<f64>, step: usize) -> Option<
     }
     let median = statistics::median(rows.iter().map(|(residual, _)| residual.abs()))?;
     // Normal consistency factor of the median absolute deviation; exact truth must not divide by 0.
-    let sigma = (1.4826 * median).max(1e-9);
+    let sigma = (MAD_TO_SIGMA * median).max(1e-9);
     let mut information = Matrix2::zeros();
     let mut pull = Vector2::zeros();
     let mut num_used = 0;

@@ -5,7 +5,7 @@ use crate::rng::rng;
 use crate::test_terrain::wide;
 use selenograph_geometry::{Body, Geodetic, lookat};
 use selenograph_raster::Raster;
-use selenograph_render::{Interpolation, Tracer, Truth, View};
+use selenograph_render::{Interpolation, Tracer, Truth, Viewpoint};
 
 fn truth(view: TestView) -> (Camera, ViewTruth) {
     (view.camera, ViewTruth { depth_z: view.depth_z, world_from_cam: view.world_from_cam })
@@ -86,14 +86,14 @@ fn pixels_without_depth_are_absent_and_in_no_seen_match() {
 }
 
 /// Two views across a steep hill, where one hides ground from the other.
-fn across_the_hill() -> [View; 2] {
+fn across_the_hill() -> [Viewpoint; 2] {
     let moon = Body::moon();
     [0.0, 180.0].map(|azimuth: f64| {
         let ground = Geodetic::from_deg(-88.0, 40.0, 0.0);
         let towards = moon.direction(&ground, azimuth.to_radians(), 0.13);
         let origin = moon.point(&ground) + towards * 30_000.0;
         let world_from_cam = lookat::level(origin, &-towards, &moon.up(&ground)).unwrap();
-        View { camera: Camera::from_fov(192, 192, 0.25).unwrap(), world_from_cam }
+        Viewpoint { camera: Camera::from_fov(192, 192, 0.25).unwrap(), world_from_cam }
     })
 }
 

@@ -12,7 +12,7 @@ use selenograph_terrain::Terrain;
 const MEDIAN_PX: f64 = 0.002;
 const P99_PX: f64 = 0.05;
 
-fn pairs(trajectory: Trajectory, count: u64) -> Vec<[View; 2]> {
+fn pairs(trajectory: Trajectory, count: u64) -> Vec<[Viewpoint; 2]> {
     let mut campaign = Campaign::preset("paper-iccv2025").unwrap();
     campaign.nadir.pairs = 0;
     campaign.oblique.pairs = if trajectory == Trajectory::Oblique { count } else { 0 };
@@ -42,7 +42,7 @@ fn warps_between_views_agree_and_faults_do_not() {
             let depth_z = stored(&truth);
             let [median, p99] = figures(warp_errors_px(&tracer, &a, &depth_z, &b, 1));
             assert!(median < MEDIAN_PX && p99 < P99_PX, "{trajectory:?}: {median} {p99}");
-            let fails = |a: &View, depth_z: &[f32], b: &View| {
+            let fails = |a: &Viewpoint, depth_z: &[f32], b: &Viewpoint| {
                 let errors = warp_errors_px(&tracer, a, depth_z, b, 1);
                 errors.len() < 100 || {
                     let [median, p99] = figures(errors);
@@ -50,7 +50,7 @@ fn warps_between_views_agree_and_faults_do_not() {
                 }
             };
             // Half a pixel in the principal point of both.
-            let moved = |view: &View| View {
+            let moved = |view: &Viewpoint| Viewpoint {
                 camera: Camera { cx: view.camera.cx - 0.5, cy: view.camera.cy - 0.5, ..view.camera.clone() },
                 ..view.clone()
             };
@@ -62,7 +62,7 @@ fn warps_between_views_agree_and_faults_do_not() {
                 nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
                 Point3::origin(),
             );
-            let flipped = View { world_from_cam: &a.world_from_cam * &flip, ..a.clone() };
+            let flipped = Viewpoint { world_from_cam: &a.world_from_cam * &flip, ..a.clone() };
             assert!(fails(&flipped, &depth_z, &b), "{trajectory:?}: flipped pose");
         }
     }
@@ -94,7 +94,7 @@ fn ground_behind_a_ridge_is_in_frame_but_not_seen() {
     let view = |x: f64| {
         // The map's x axis is the body's Y.
         let origin = target + Vector3::new(1.0, x, -3000.0);
-        View {
+        Viewpoint {
             camera: camera.clone(),
             world_from_cam: lookat::level(origin, &(target - origin), &-Vector3::z()).unwrap(),
         }

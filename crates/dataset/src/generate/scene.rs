@@ -9,7 +9,8 @@ use crate::rng::rng;
 use selenograph_geometry::Body;
 use selenograph_raster::Raster;
 use selenograph_render::{
-    Albedo, Error as RenderError, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, View, radiance,
+    Albedo, Error as RenderError, LightMaps, RadianceSettings, Shadows, Sun, Tracer, Truth, Viewpoint,
+    radiance,
 };
 use selenograph_terrain::cover::{Coverage, Seen};
 
@@ -21,7 +22,7 @@ pub struct SceneView {
     /// Which.
     pub name: ViewName,
     /// Camera and pose.
-    pub view: View,
+    pub view: Viewpoint,
     /// Geometry of each pixel.
     pub truth: Truth,
     /// Per Sun: radiance factor.
@@ -88,7 +89,7 @@ pub fn render(
     let a_in_b = covisibility::correspondence(tracer, &a, &truth_a, &b, stride);
     let b_in_a = covisibility::correspondence(tracer, &b, &truth_b, &a, stride);
     let overlap = covisibility::overlap(&a_in_b, &b_in_a);
-    let make = |name: ViewName, view: View, truth: Truth, sights: Vec<Sight>| {
+    let make = |name: ViewName, view: Viewpoint, truth: Truth, sights: Vec<Sight>| {
         let settings = radiance_settings(campaign, row.pair_id, name);
         let pictures = radiance(tracer, &view, &truth, &suns, &settings)?;
         let light = suns
@@ -103,7 +104,11 @@ pub fn render(
 }
 
 /// The truth of a view, or why the pair is refused.
-fn truth(campaign: &Campaign, tracer: &Tracer<'_>, view: &View) -> Result<Result<Truth, Refusal>, Error> {
+fn truth(
+    campaign: &Campaign,
+    tracer: &Tracer<'_>,
+    view: &Viewpoint,
+) -> Result<Result<Truth, Refusal>, Error> {
     match Truth::cast(tracer, view) {
         Err(RenderError::CameraBelowGround { .. }) => Ok(Err(Refusal::BelowGround)),
         Err(error) => Err(error.into()),
@@ -133,7 +138,7 @@ pub(crate) fn radiance_settings(campaign: &Campaign, pair_id: u64, name: ViewNam
 }
 
 /// The limits of the campaign, pixel by pixel.
-fn refused(campaign: &Campaign, view: &View, truth: &Truth) -> Option<Refusal> {
+fn refused(campaign: &Campaign, view: &Viewpoint, truth: &Truth) -> Option<Refusal> {
     if truth.num_absent > 0 {
         return Some(Refusal::TerrainAbsent);
     }

@@ -8,7 +8,7 @@ use crate::plan::Planner;
 use crate::test_terrain::wide;
 use selenograph_raster::codec::{Picture, exr, png};
 use selenograph_raster::statistics::quantiles;
-use selenograph_render::{Interpolation, View};
+use selenograph_render::{Interpolation, Viewpoint};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -60,11 +60,11 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-fn stored_view(folder: &Path, name: ViewName) -> (View, Vec<f32>, CameraRecord) {
+fn stored_view(folder: &Path, name: ViewName) -> (Viewpoint, Vec<f32>, CameraRecord) {
     let record: CameraRecord = read_json(&folder.join(camera_name(name))).unwrap();
     let image = exr::read(&folder.join(truth_name(name))).unwrap();
     let depth_z = image.channel("depth_z").unwrap().samples.clone();
-    (View { camera: record.camera().unwrap(), world_from_cam: record.world_from_cam() }, depth_z, record)
+    (Viewpoint { camera: record.camera().unwrap(), world_from_cam: record.world_from_cam() }, depth_z, record)
 }
 
 #[test]

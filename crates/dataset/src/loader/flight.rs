@@ -16,7 +16,7 @@ use crate::sample::ViewTruth;
 use crate::split::{Footprint, footprint_of_views, share_ground};
 use selenograph_geometry::{Projection, lookat};
 use selenograph_raster::Raster;
-use selenograph_render::{Error as RenderError, Exposure, Sun, Tracer, Truth, View, radiance};
+use selenograph_render::{Error as RenderError, Exposure, Sun, Tracer, Truth, Viewpoint, radiance};
 use selenograph_terrain::Terrain;
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ impl Flight {
         Ok(footprint_of_views(&tracer, &views, map, pair_id))
     }
 
-    fn is_kept_out(&self, tracer: &Tracer<'_>, views: &[View; 2], pair_id: u64) -> bool {
+    fn is_kept_out(&self, tracer: &Tracer<'_>, views: &[Viewpoint; 2], pair_id: u64) -> bool {
         let Some((map, ground)) = &self.keep_out else { return false };
         let footprint = footprint_of_views(tracer, views, map, pair_id);
         footprint.is_some_and(|own| ground.iter().any(|other| share_ground(&own, other)))
@@ -124,7 +124,7 @@ impl Flight {
 }
 
 /// The views of a pair, rolled as the sample's draws say.
-fn rolled(placed: &PlacedPair, augmentation: &Augmentation, seed: u64, position: u64) -> [View; 2] {
+fn rolled(placed: &PlacedPair, augmentation: &Augmentation, seed: u64, position: u64) -> [Viewpoint; 2] {
     let mut purposes = ["roll a", "roll b"].into_iter();
     placed.views().map(|mut view| {
         let mut stream = rng(seed, "sample", position, purposes.next().unwrap_or_default());
@@ -140,7 +140,7 @@ fn pictures(
     campaign: &Campaign,
     tracer: &Tracer<'_>,
     pair_id: u64,
-    views: &[View; 2],
+    views: &[Viewpoint; 2],
     truths: &[Truth],
     suns: [&Sun; 2],
 ) -> Result<[Raster<f32>; 2], Error> {
@@ -164,7 +164,7 @@ fn pictures(
     Ok([levels(&a, &exposures[0]), levels(&b, &exposures[1])])
 }
 
-fn draft(view: &View, truth: &Truth, levels: Raster<f32>) -> Result<Draft, Error> {
+fn draft(view: &Viewpoint, truth: &Truth, levels: Raster<f32>) -> Result<Draft, Error> {
     // Nothing is absent here, so that a ray without a hit has gone past the terrain.
     let far = |z: &f64| if z.is_finite() { *z as f32 } else { f32::INFINITY };
     let depth_z = truth.depth_z.iter().map(far).collect();

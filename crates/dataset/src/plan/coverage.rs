@@ -5,7 +5,7 @@ use super::flight::Pose;
 use super::ground::clearance_m;
 use nalgebra::{Point2, Point3, UnitVector3, Vector3};
 use selenograph_geometry::Camera;
-use selenograph_render::{Hit, Tracer, View};
+use selenograph_render::{Hit, Tracer, Viewpoint};
 use selenograph_terrain::cover::{Coverage, Seen};
 use serde::{Deserialize, Serialize};
 
@@ -154,7 +154,7 @@ pub fn lit_share(tracer: &Tracer<'_>, points: &[Point3<f64>], sun: &Vector3<f64>
 /// The first [`Refusal`] met.
 pub fn check_pair(
     tracer: &Tracer<'_>,
-    views: &[View; 2],
+    views: &[Viewpoint; 2],
     limits: &LimitSection,
     psf_sigma_px: f64,
     min_overlap: f64,

@@ -28,7 +28,7 @@ use flight::{Aim, Parameters};
 use ground::Footprint;
 use rayon::prelude::*;
 use selenograph_geometry::{Camera, Geodetic};
-use selenograph_render::{Tracer, View};
+use selenograph_render::{Tracer, Viewpoint};
 use selenograph_terrain::Terrain;
 use site::SiteSampler;
 use std::collections::BTreeMap;
@@ -238,8 +238,8 @@ fn drawn_map(drawn: &Parameters) -> BTreeMap<String, f64> {
 
 impl PlacedPair {
     /// The two views to render.
-    pub fn views(&self) -> [View; 2] {
-        [&self.a, &self.b].map(|pose| View { camera: self.camera.clone(), world_from_cam: pose.pose() })
+    pub fn views(&self) -> [Viewpoint; 2] {
+        [&self.a, &self.b].map(|pose| Viewpoint { camera: self.camera.clone(), world_from_cam: pose.pose() })
     }
 }
 

@@ -4,7 +4,7 @@ use std::arch::x86_64::{
     _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
-use super::{PANEL, Product, ROWS};
+use super::product::{PANEL, Product, ROWS};
 
 const VECTORS: usize = 2;
 const COLUMNS: usize = 16;

@@ -12,13 +12,11 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod plain;
+mod product;
+
+pub(crate) use product::{PANEL, Product, ROWS};
 
 use crate::error::{Error, Result};
-
-/// Rows of a tile.
-pub(crate) const ROWS: usize = 6;
-/// Columns of a panel.
-pub(crate) const PANEL: usize = 64;
 
 /// The instructions used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,22 +77,6 @@ impl Simd {
     pub fn checked(self) -> Result<Self> {
         if self.is_present() { Ok(self) } else { Err(Error::SimdAbsent { level: self.name() }) }
     }
-}
-
-/// One product `tile (+)= rows · panel`.
-pub(crate) struct Product<'a> {
-    /// Pointers to the rows: for each segment six.
-    pub rows: &'a [*const f32],
-    /// Values of each segment.
-    pub segments: &'a [usize],
-    /// Packed columns: for each value of a row 64 numbers.
-    pub panel: *const f32,
-    /// Where the tile goes: six rows of 64 numbers.
-    pub tile: *mut f32,
-    /// From one row of the tile to the next.
-    pub stride: usize,
-    /// Add to what the tile holds.
-    pub accumulate: bool,
 }
 
 /// Computes a product with the instructions of `level`.

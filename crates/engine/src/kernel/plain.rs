@@ -1,6 +1,6 @@
 //! The kernel without special instructions: what the compiler makes of short fixed loops.
 
-use super::{PANEL, Product, ROWS};
+use super::product::{PANEL, Product, ROWS};
 
 const COLUMNS: usize = 8;
 

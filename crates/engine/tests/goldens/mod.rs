@@ -3,10 +3,11 @@
 #[path = "../../../network/testdata/golden_file.rs"]
 mod golden_file;
 
-pub use golden_file::{Golden, root};
+pub use golden_file::{Golden, inference_cases, root, stated, training_cases, with_tensors};
 
 use selenograph_engine::{Engine, HeadOutput, Image, Probe, Simd};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Largest difference, relative to the largest value of the tensor.
 #[derive(Clone, Copy)]
@@ -50,23 +51,16 @@ impl Golden {
 
     /// Panics beyond the tolerance; returns the difference.
     pub fn compare(&self, name: &str, item: usize, found: &[f32], tolerance: Tolerance) -> f32 {
-        let expected = self.item(name, item);
-        assert_eq!(expected.len(), found.len(), "{name}");
-        let top = expected.iter().fold(0.0_f32, |top, v| top.max(v.abs()));
-        let differences = expected.iter().zip(found).map(|(a, b)| (a - b).abs());
-        let worst =
-            differences.fold(0.0_f32, |worst, v| if v.is_nan() { f32::INFINITY } else { worst.max(v) });
-        assert!(worst <= tolerance.0 * top, "{name}[{item}]: off by {worst}, largest value {top}");
-        worst / top
+        let error = golden_file::relative_error(found, self.item(name, item));
+        assert!(error <= tolerance.0, "{name}[{item}]: off by {error} of the largest value");
+        error
     }
 
     /// Compares everything seen that the golden holds, and wants everything that it holds seen.
     pub fn compare_all(&self, seen: &Collected, item: usize, tolerance: Tolerance) -> f32 {
         let mut worst = 0.0_f32;
-        for (name, (shape, _)) in &self.0 {
-            if ["img", "pos", "out", "swap"].iter().any(|prefix| name.starts_with(prefix)) {
-                continue;
-            }
+        for name in self.intermediates() {
+            let shape = self.shape(name);
             let (own_shape, own) = seen.0.get(name).unwrap_or_else(|| panic!("`{name}` was not seen"));
             let own = if name.ends_with("mlp_out") {
                 channels_first(&own_shape[..1], own, (shape[2] / 256, 256))
@@ -141,11 +135,10 @@ impl Collected {
     }
 }
 
-/// A small network with the goldens' weights.
-pub fn network(folder: &str, level: Simd) -> Engine {
-    let folder = root(&format!("weights {folder}")).unwrap().join(folder);
-    let weights = Golden::open(&folder.join("model.safetensors"));
-    Engine::with_simd(&golden_file::config(&folder), level, &mut |name| {
+/// The network with the goldens' weights in `folder`.
+pub fn network(folder: &Path, level: Simd) -> Engine {
+    let weights = Golden::open(&golden_file::weights(folder));
+    Engine::with_simd(&golden_file::config(folder), level, &mut |name| {
         weights.0.get(name).cloned().ok_or_else(|| format!("no tensor `{name}`").into())
     })
     .unwrap()

@@ -4,7 +4,7 @@
 #[allow(dead_code, reason = "every crate takes what it needs")]
 mod golden_file;
 
-pub use golden_file::{Golden, root};
+pub use golden_file::{Golden, inference_cases, root, training_cases, with_tensors};
 
 use selenograph_model::{Device, Model, Tensor};
 use std::cell::RefCell;
@@ -20,22 +20,15 @@ impl Golden {
         let (shape, expected) = &self.0[name];
         assert_eq!(shape, &found.dims(), "{name}");
         let found = found.clone().without_autodiff().try_into_vec_as::<f32>().unwrap();
-        let top = expected.iter().fold(0.0_f32, |top, v| top.max(v.abs()));
-        let differences = expected.iter().zip(&found).map(|(a, b)| (a - b).abs());
-        let worst =
-            differences.fold(0.0_f32, |worst, v| if v.is_nan() { f32::INFINITY } else { worst.max(v) });
-        assert!(worst <= TOLERANCE * top, "{name}: off by {worst}, largest value {top}");
-        worst / top
+        let error = golden_file::relative_error(&found, expected);
+        assert!(error <= TOLERANCE, "{name}: off by {error} of the largest value");
+        error
     }
 
     /// Compares everything seen that the golden holds, and wants everything that it holds seen.
     pub fn compare_all(&self, seen: &Collected) -> f32 {
-        let inner = self
-            .0
-            .keys()
-            .filter(|name| !["img", "pos", "out", "swap"].iter().any(|prefix| name.starts_with(prefix)));
         let seen = seen.0.borrow();
-        inner.fold(0.0, |worst, name| {
+        self.intermediates().fold(0.0, |worst, name| {
             let (shape, value) = seen.get(name).unwrap_or_else(|| panic!("`{name}` was not seen"));
             assert_eq!(shape, self.shape(name), "{name}");
             let flat =
@@ -62,9 +55,9 @@ impl Collected {
     }
 }
 
-/// A small network with the goldens' weights.
+/// The network with the goldens' weights in `folder`.
 pub fn network(folder: &Path, device: &Device) -> Model {
-    let weights = Golden::open(&folder.join("model.safetensors"));
+    let weights = Golden::open(&golden_file::weights(folder));
     Model::new(&golden_file::config(folder), device, &mut |name| {
         weights.0.get(name).cloned().ok_or_else(|| format!("no tensor `{name}`").into())
     })

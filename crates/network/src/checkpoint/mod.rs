@@ -29,15 +29,15 @@ use tensors::Source;
 /// Keys of a safetensors header that are ours.
 pub mod key {
     /// The network's dimensions, JSON.
-    pub const CONFIG: &str = "config";
+    pub(crate) const CONFIG: &str = "config";
     /// Longest side of the pictures that it was trained on, pixels.
     pub const INPUT_PX: &str = "input_px";
     /// Under which licence the weights are.
-    pub const LICENSE: &str = "license";
+    pub(crate) const LICENSE: &str = "license";
     /// Where they come from.
     pub const PROVENANCE: &str = "provenance";
     /// The reference's description of the network.
-    pub const MODEL_STRING: &str = "model_string";
+    pub(crate) const MODEL_STRING: &str = "model_string";
 }
 
 /// Kinds of files.
@@ -218,7 +218,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// As [`Checkpoint::read`].
-    pub fn read_into(&self, name: &str, values: &mut Vec<f32>) -> Result<(), Error> {
+    pub(crate) fn read_into(&self, name: &str, values: &mut Vec<f32>) -> Result<(), Error> {
         let missing = || Error::MissingTensor { path: self.path.clone(), name: name.to_owned() };
         let tensor = self.tensor(name).ok_or_else(missing)?;
         tensor.read_into(&self.source, &self.path, values)

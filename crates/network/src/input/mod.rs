@@ -117,7 +117,7 @@ pub enum SquareCrop {
 
 /// What becomes of a picture of a given size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Plan {
+pub struct InputTransform {
     /// Width and height of the picture.
     pub source: [usize; 2],
     /// Width and height after resizing.
@@ -132,7 +132,7 @@ pub struct Plan {
     pub input: [usize; 2],
 }
 
-impl Plan {
+impl InputTransform {
     /// What becomes of a picture of `width × height` for patches of `patch_px`.
     ///
     /// # Errors
@@ -142,23 +142,23 @@ impl Plan {
         if width == 0 || height == 0 || patch_px == 0 || width.max(height) > 1 << 20 {
             return Err(refuse("1 to 1048576 pixels a side".into()));
         }
-        let plan = match rule {
+        let transform = match rule {
             Rule::Published { size, square } => published([width, height], size, square, patch_px),
             Rule::Whole { max_side, border } => whole([width, height], max_side, border, patch_px),
         };
         let below = |side: &usize| *side < patch_px;
-        if plan.kept.iter().any(below) {
-            let [w, h] = plan.resized;
+        if transform.kept.iter().any(below) {
+            let [w, h] = transform.resized;
             return Err(refuse(format!("at least one patch of {patch_px} pixels a side, also as {w}×{h}")));
         }
-        if plan.input.iter().any(|side| !side.is_multiple_of(patch_px)) {
-            let [w, h] = plan.input;
+        if transform.input.iter().any(|side| !side.is_multiple_of(patch_px)) {
+            let [w, h] = transform.input;
             return Err(refuse(format!("sides of whole patches of {patch_px} pixels; this gives {w}×{h}")));
         }
-        Ok(plan)
+        Ok(transform)
     }
 
-    /// The input of a picture of the plan's size.
+    /// The input of a picture of the transform's size.
     ///
     /// # Errors
     /// [`Error::Picture`] for a picture of another size.
@@ -224,7 +224,7 @@ fn filter_for(source: [usize; 2], size: usize) -> Filter {
     if source[0].max(source[1]) > size { Filter::Lanczos } else { Filter::Bicubic }
 }
 
-fn published(source: [usize; 2], size: usize, square: SquareCrop, patch_px: usize) -> Plan {
+fn published(source: [usize; 2], size: usize, square: SquareCrop, patch_px: usize) -> InputTransform {
     let [w, h] = source.map(|side| side as f64);
     let long = if size == SMALL_SQUARE {
         (SMALL_SQUARE as f64 * (w / h).max(h / w)).round_ties_even() as usize
@@ -240,7 +240,7 @@ fn published(source: [usize; 2], size: usize, square: SquareCrop, patch_px: usiz
         if resized[0] == resized[1] && square == SquareCrop::FourThirds { [x, 3 * x / 4] } else { [x, y] }
     };
     let kept = half.map(|half| 2 * half);
-    Plan {
+    InputTransform {
         source,
         resized,
         filter: filter_for(source, long),
@@ -250,7 +250,7 @@ fn published(source: [usize; 2], size: usize, square: SquareCrop, patch_px: usiz
     }
 }
 
-fn whole(source: [usize; 2], max_side: Option<usize>, border: Border, patch_px: usize) -> Plan {
+fn whole(source: [usize; 2], max_side: Option<usize>, border: Border, patch_px: usize) -> InputTransform {
     let longest = source[0].max(source[1]);
     let resized = match max_side {
         Some(max) if longest > max => scaled(source, max),
@@ -260,7 +260,7 @@ fn whole(source: [usize; 2], max_side: Option<usize>, border: Border, patch_px: 
         Border::Refuse => resized,
         Border::Pad => resized.map(|side| side.next_multiple_of(patch_px)),
     };
-    Plan { source, resized, filter: Filter::Lanczos, origin: [0, 0], kept: resized, input }
+    InputTransform { source, resized, filter: Filter::Lanczos, origin: [0, 0], kept: resized, input }
 }
 
 #[cfg(test)]
@@ -271,22 +271,22 @@ mod tests {
 
     #[test]
     fn a_square_loses_a_quarter_of_its_height_and_the_camera_follows() {
-        let plan = Plan::new(512, 512, PUBLISHED, 16).unwrap();
-        assert_eq!((plan.input, plan.origin), ([512, 384], [0, 64]));
-        assert_eq!(plan.lost_share(), 0.25);
+        let transform = InputTransform::new(512, 512, PUBLISHED, 16).unwrap();
+        assert_eq!((transform.input, transform.origin), ([512, 384], [0, 64]));
+        assert_eq!(transform.lost_share(), 0.25);
         let camera = Camera::from_fov(512, 512, 0.8).unwrap();
-        let cropped = plan.camera(&camera).unwrap();
+        let cropped = transform.camera(&camera).unwrap();
         assert_eq!((cropped.cx, cropped.cy, cropped.fx), (camera.cx, camera.cy - 64.0, camera.fx));
-        assert!(plan.camera(&Camera::from_fov(512, 384, 0.8).unwrap()).is_err());
+        assert!(transform.camera(&Camera::from_fov(512, 384, 0.8).unwrap()).is_err());
     }
 
     #[test]
     fn ours_keeps_the_whole_picture_or_says_no() {
         let rule = |border| Rule::Whole { max_side: Some(512), border };
-        let square = Plan::new(512, 512, rule(Border::Refuse), 16).unwrap();
+        let square = InputTransform::new(512, 512, rule(Border::Refuse), 16).unwrap();
         assert_eq!((square.input, square.lost_share()), ([512, 512], 0.0));
-        assert!(Plan::new(512, 500, rule(Border::Refuse), 16).is_err());
-        let padded = Plan::new(512, 500, rule(Border::Pad), 16).unwrap();
+        assert!(InputTransform::new(512, 500, rule(Border::Refuse), 16).is_err());
+        let padded = InputTransform::new(512, 500, rule(Border::Pad), 16).unwrap();
         assert_eq!((padded.kept, padded.input), ([512, 500], [512, 512]));
         let picture = Rgb8::new(512, 500, (0..512 * 500 * 3).map(|i| (i % 251) as u8).collect()).unwrap();
         let input = padded.apply(&picture).unwrap();
@@ -298,25 +298,28 @@ mod tests {
 
     #[test]
     fn places_go_there_and_back() {
-        let plan = Plan::new(1024, 700, PUBLISHED, 16).unwrap();
-        let [x, y] = plan.input_from_source(300.25, 400.5);
-        let [sx, sy] = plan.source_from_input(x, y);
+        let transform = InputTransform::new(1024, 700, PUBLISHED, 16).unwrap();
+        let [x, y] = transform.input_from_source(300.25, 400.5);
+        let [sx, sy] = transform.source_from_input(x, y);
         // Two roundings of f64 at these sizes.
         const TOLERANCE: f64 = 1e-9;
         assert!((sx - 300.25).abs() < TOLERANCE && (sy - 400.5).abs() < TOLERANCE);
         let camera = Camera::from_fov(1024, 700, 0.8).unwrap();
-        let [cx, cy] = plan.input_from_source(camera.cx, camera.cy);
-        let moved = plan.camera(&camera).unwrap();
+        let [cx, cy] = transform.input_from_source(camera.cx, camera.cy);
+        let moved = transform.camera(&camera).unwrap();
         assert!((moved.cx - cx).abs() < TOLERANCE && (moved.cy - cy).abs() < TOLERANCE);
     }
 
     #[test]
     fn impossible_pictures_are_refused() {
         for (width, height) in [(0, 5), (1, 1), (512, 15), (4000, 20), (usize::MAX, 512)] {
-            assert!(Plan::new(width, height, PUBLISHED, 16).is_err() || width == 1, "{width}×{height}");
+            assert!(
+                InputTransform::new(width, height, PUBLISHED, 16).is_err() || width == 1,
+                "{width}×{height}"
+            );
         }
         let odd = Rule::Published { size: 48, square: SquareCrop::FourThirds };
-        assert!(Plan::new(48, 48, odd, 16).is_err());
+        assert!(InputTransform::new(48, 48, odd, 16).is_err());
         assert!(Rgb8::new(4, 4, vec![0; 47]).is_err());
     }
 

@@ -11,11 +11,11 @@ mod machine;
 mod objects;
 
 pub use machine::load;
-pub use objects::{Object, Objects, Tensor};
+pub(crate) use objects::{Object, Objects, Tensor};
 
 /// Why a pickle cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Fault {
+pub(crate) enum Fault {
     /// It ends in the middle.
     Cut,
     /// It asks for something that is done for no file.

@@ -4,7 +4,7 @@ use crate::element::ElementType;
 
 /// Number of an object in its arena.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Id(pub(super) u32);
+pub(crate) struct Id(pub(super) u32);
 
 /// An object.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,7 +80,7 @@ impl Name {
 
 /// An array of numbers in an entry of the archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Storage {
+pub(crate) struct Storage {
     /// Name of its entry under `data/`.
     pub key: String,
     /// Type of its elements.
@@ -104,7 +104,7 @@ pub struct Tensor {
 
 /// All objects of a pickle.
 #[derive(Debug)]
-pub struct Objects {
+pub(crate) struct Objects {
     pub(super) arena: Vec<Object>,
     pub(super) root: Id,
 }

@@ -7,6 +7,7 @@ use crate::points::Pairs;
 use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
 use nalgebra::{Matrix3, Vector3};
+use selenograph_geometry::robust::MAD_TO_SIGMA;
 
 /// Distances from the plane are drawn in by this many robust sigmas.
 const FAR_SIGMAS: f64 = 8.0;
@@ -58,7 +59,7 @@ impl<'a> Support<'a> {
         let within = std::f64::consts::SQRT_2 * self.threshold;
         self.plane_share = distances.iter().filter(|d| **d < within).count() as f64 / num;
         let middle = distances.len() / 2;
-        let sigma = 1.4826 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let sigma = MAD_TO_SIGMA * *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
         let bound = (FAR_SIGMAS * sigma).max(2.0 * within);
         let far = distances.iter().filter(|d| **d >= bound).count() as f64;
         let expected = self.chance * (n as f64 - num) / (1.0 - self.chance);

@@ -21,7 +21,7 @@ fn true_pose() -> Rigid3<CamB, CamA> {
 }
 
 /// The point of rough ground near the plane `z = 10` that is seen along a ray, by bisection.
-fn ground(origin: &Point3<f64>, ray: &nalgebra::Vector3<f64>) -> Point3<f64> {
+fn ground(origin: &Point3<f64>, ray: &selenograph_geometry::Vector3<f64>) -> Point3<f64> {
     let height =
         |x: f64, y: f64| 0.9 * (1.3 * x).sin() * (1.1 * y + 0.4).cos() + 0.4 * (2.9 * x + 1.7 * y).sin();
     let (mut near, mut far) = (4.0, 30.0);
@@ -51,7 +51,7 @@ fn code(x: &Point3<f64>) -> [f32; DIM] {
 
 /// What perfect heads say of a view: `frame_from_a` carries points into the frame that is asked for.
 fn output(view: Seen<'_>, cam_from_a: &Rigid3<CamB, CamA>, frame_from_a: &Rigid3<CamB, CamA>) -> HeadOutput {
-    let [width_px, height_px] = view.plan.kept;
+    let [width_px, height_px] = view.transform.kept;
     let a_from_cam = cam_from_a.inverse();
     let mut head = HeadOutput {
         height_px,
@@ -63,7 +63,7 @@ fn output(view: Seen<'_>, cam_from_a: &Rigid3<CamB, CamA>, frame_from_a: &Rigid3
         descriptor_confidence: vec![1.0; width_px * height_px],
     };
     for (y, x) in (0..height_px).flat_map(|y| (0..width_px).map(move |x| (y, x))) {
-        let at = view.plan.source_from_input(pixel::center_of(x), pixel::center_of(y));
+        let at = view.transform.source_from_input(pixel::center_of(x), pixel::center_of(y));
         let ray = a_from_cam.vector(&view.camera.ray_z1(&Point2::new(at[0], at[1])).unwrap());
         let point = ground(&a_from_cam.origin(), &ray);
         head.points.extend(frame_from_a.point(&point).coords.iter().map(|v| (v * UNIT) as f32));
@@ -75,7 +75,7 @@ fn output(view: Seen<'_>, cam_from_a: &Rigid3<CamB, CamA>, frame_from_a: &Rigid3
 /// Both ways of a pair that is looked at by a rule.
 struct Scene {
     cameras: [Camera; 2],
-    plans: [Plan; 2],
+    transforms: [InputTransform; 2],
     forward: [HeadOutput; 2],
     backward: [HeadOutput; 2],
 }
@@ -83,16 +83,16 @@ struct Scene {
 impl Scene {
     fn new(sizes: [[usize; 2]; 2], rule: Rule) -> Self {
         let cameras = sizes.map(|[width, height]| Camera::from_fov(width, height, FOV_RAD).unwrap());
-        let plans = sizes.map(|[width, height]| Plan::new(width, height, rule, 16).unwrap());
-        let views = [0, 1].map(|k| Seen { camera: &cameras[k], plan: &plans[k] });
+        let transforms = sizes.map(|[width, height]| InputTransform::new(width, height, rule, 16).unwrap());
+        let views = [0, 1].map(|k| Seen { camera: &cameras[k], transform: &transforms[k] });
         let poses = [Rigid3::identity(), true_pose()];
         let way = |frame: usize| [frame, 1 - frame].map(|k| output(views[k], &poses[k], &poses[frame]));
         let (forward, backward) = (way(0), way(1));
-        Self { cameras, plans, forward, backward }
+        Self { cameras, transforms, forward, backward }
     }
 
     fn gather(&self, focal: FocalKnowledge, options: &PredictOptions) -> LearnedInput {
-        let views = [0, 1].map(|k| Seen { camera: &self.cameras[k], plan: &self.plans[k] });
+        let views = [0, 1].map(|k| Seen { camera: &self.cameras[k], transform: &self.transforms[k] });
         let outputs = Outputs { forward: &self.forward, backward: Some(&self.backward) };
         let config = NetworkConfig { confidence: MODE, ..Preset::Tiny.config() };
         gather(outputs, views, focal, &config, options).unwrap()
@@ -143,7 +143,7 @@ fn pose_length_and_points_of_perfect_heads() {
             let camera = &scene.cameras[k];
             assert_eq!((views[k].points.width, views[k].points.height), (camera.width, camera.height));
             let absent = views[k].fill.data.iter().filter(|f| **f == Fill::Absent).count();
-            let lost = scene.plans[k].lost_share() * views[k].fill.data.len() as f64;
+            let lost = scene.transforms[k].lost_share() * views[k].fill.data.len() as f64;
             assert_eq!(absent, lost.round() as usize);
             // A point of the picture projects to the pixel it stands at.
             let (x, y) = (camera.width / 2 + 7, camera.height / 2 - 5);
@@ -214,7 +214,7 @@ fn both_ways_and_dense_matches() {
 #[test]
 fn blank_pictures_and_networks_without_descriptors() {
     let mut scene = Scene::new([[96, 96]; 2], WHOLE);
-    let views = [0, 1].map(|k| Seen { camera: &scene.cameras[k], plan: &scene.plans[k] });
+    let views = [0, 1].map(|k| Seen { camera: &scene.cameras[k], transform: &scene.transforms[k] });
     let said = nothing(views, FocalKnowledge::Known, 16);
     let solved = solve(said.cameras.each_ref(), &said.learned, None, &LearnedOptions::default()).unwrap();
     assert!(matches!(

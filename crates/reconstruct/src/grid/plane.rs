@@ -2,7 +2,7 @@
 
 use crate::Error;
 use nalgebra::Matrix3;
-use selenograph_geometry::Vector3;
+use selenograph_geometry::{Vector3, robust::MAD_TO_SIGMA};
 
 /// A plane `(p − center)·normal = 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ pub fn fit(points: &[Vector3<f64>], viewer: &Vector3<f64>) -> Result<Plane, Erro
         if typical <= 1e-12 * plane.spread {
             break;
         }
-        let limit = CAUCHY * crate::scale::altitude::MAD_TO_SIGMA * typical;
+        let limit = CAUCHY * MAD_TO_SIGMA * typical;
         for (weight, p) in weights.iter_mut().zip(points) {
             *weight = 1.0 / (1.0 + (distance(p) / limit).powi(2));
         }

@@ -3,14 +3,12 @@
 use super::Pointmap;
 use crate::evidence::Warning;
 use crate::relative_pose::JudgedMatch;
-use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, pixel};
+use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, pixel, robust::MAD_TO_SIGMA};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::triangulate;
 
 /// A spread of the ratios above this is said.
 const LARGEST_SPREAD: f64 = 0.1;
-/// A median absolute deviation into the sigma of a normal distribution.
-const SIGMA_OF_MAD: f64 = 1.4826;
 
 /// How large a pointmap is beside the points in which the matches' rays meet.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +54,7 @@ pub(super) fn measure(
     let ratio = weighted_median(&mut ratios)?;
     let mut off: Vec<(f64, f64)> =
         ratios.iter().map(|(r, weight)| ((r / ratio - 1.0).abs(), *weight)).collect();
-    Some(Measured { ratio, spread: SIGMA_OF_MAD * weighted_median(&mut off)? })
+    Some(Measured { ratio, spread: MAD_TO_SIGMA * weighted_median(&mut off)? })
 }
 
 /// Distance from camera A of the point at a pixel, and its confidence.

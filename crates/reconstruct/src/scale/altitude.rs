@@ -13,7 +13,7 @@
 use crate::Error;
 use crate::grid::plane;
 use crate::prediction::{Fill, Prediction};
-use selenograph_geometry::Vector3;
+use selenograph_geometry::{Vector3, robust::MAD_TO_SIGMA};
 use selenograph_raster::statistics::median;
 
 /// Half angle of the cone straight below the camera, radians (2°: a laser altimeter's spot is smaller, a few pixels of
@@ -63,9 +63,6 @@ pub fn above_surface(prediction: &Prediction, up: Option<&Vector3<f64>>) -> Resu
         why: format!("the surface is not below camera A (altitude {:.3} of its unit)", found.altitude),
     })
 }
-
-/// Median absolute deviation → standard deviation of a normal distribution.
-pub(crate) const MAD_TO_SIGMA: f64 = 1.4826;
 
 /// Measured points of view A, thinned to at most some ten thousand.
 fn measured_points(prediction: &Prediction) -> Vec<Vector3<f64>> {

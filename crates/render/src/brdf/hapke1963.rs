@@ -80,7 +80,7 @@ impl Hapke1963 {
 
 /// [`Hapke1963`] with what depends on its parameters alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     quarter_w: f32,
     two_gamma: f32,
     h: f32,

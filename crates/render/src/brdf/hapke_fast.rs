@@ -9,7 +9,7 @@ const MIN_SINE: f32 = 3e-7;
 
 /// [`Hapke`] with what depends on its parameters alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     scale: f32,
     inverse_k: f32,
     lobe: [Lobe; 2],

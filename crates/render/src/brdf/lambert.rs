@@ -14,6 +14,6 @@ pub fn radiance_factor(mu0: f64) -> f64 {
 
 /// The same in lanes.
 #[inline(always)]
-pub fn radiance_factor_fast<L: Lanes>(mu0: L) -> L {
+pub(crate) fn radiance_factor_fast<L: Lanes>(mu0: L) -> L {
     mu0
 }

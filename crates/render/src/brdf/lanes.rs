@@ -7,7 +7,7 @@
 use std::ops::{Add, Div, Mul, Sub};
 
 /// One or more `f32` values that go through the same arithmetic.
-pub trait Lanes:
+pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// The same value in every lane.
@@ -60,7 +60,7 @@ const ASIN: [f32; 6] = [0.999_999_2, 0.166_771_8, 0.072_752_4, 0.061_862_14, -0.
 
 /// `asin(√z)` for `z` in `[0, 1]`, given both `√z` and `√(1 − z)`.
 #[inline(always)]
-pub fn asin_of_sqrt<L: Lanes>(z: L, sqrt_z: L, sqrt_rest: L) -> L {
+pub(crate) fn asin_of_sqrt<L: Lanes>(z: L, sqrt_z: L, sqrt_rest: L) -> L {
     let half = L::splat(0.5);
     let rest = L::splat(1.0) - z;
     let small = L::select_lt(z, half, z, rest);
@@ -74,7 +74,7 @@ const DECAY: [f32; 6] =
     [0.999_999_94, -0.499_995_35, 0.166_611_25, -0.041_423_157, 0.007_842_377, -0.000_914_548_1];
 
 /// Beyond this argument `e^−u` (1.1e-7) is below what an `f32` beside 1 can hold.
-pub const DECAY_END: f32 = 16.0;
+pub(crate) const DECAY_END: f32 = 16.0;
 
 /// `(1 − e^−u, (1 − e^−u)/u)` for `u` in `[0, DECAY_END]`; both keep their relative precision towards `u = 0`.
 ///
@@ -95,7 +95,7 @@ pub fn decay<L: Lanes>(u: L) -> (L, L) {
 
 /// `e^−u` for `u ≥ 0`, 1e-6 absolute.
 #[inline(always)]
-pub fn exp_of_minus<L: Lanes>(u: L) -> L {
+pub(crate) fn exp_of_minus<L: Lanes>(u: L) -> L {
     L::splat(1.0) - decay(u.min(L::splat(DECAY_END))).0
 }
 
@@ -115,12 +115,12 @@ const X_LOG: [f32; 9] = [
 
 /// `x ln((1 + x)/x)` for `x` in `[0, 1]`.
 #[inline(always)]
-pub fn x_log_ratio<L: Lanes>(x: L) -> L {
+pub(crate) fn x_log_ratio<L: Lanes>(x: L) -> L {
     polynomial(x.sqrt().sqrt(), &X_LOG)
 }
 
 /// Bits of an exponent's binary fraction that [`power`] uses: enough for 4e-5 relative at `x = 0.01`.
-pub const POWER_BITS: u32 = 18;
+pub(crate) const POWER_BITS: u32 = 18;
 
 /// `x^(bits / 2^POWER_BITS)` for `x ≥ 0` by a chain of square roots; the exponent is the same in every lane.
 #[inline(always)]

@@ -14,6 +14,6 @@ pub fn radiance_factor(mu0: f64, mu: f64) -> f64 {
 
 /// The same in lanes.
 #[inline(always)]
-pub fn radiance_factor_fast<L: Lanes>(mu0: L, mu: L) -> L {
+pub(crate) fn radiance_factor_fast<L: Lanes>(mu0: L, mu: L) -> L {
     L::splat(0.25) * mu0 / (mu0 + mu)
 }

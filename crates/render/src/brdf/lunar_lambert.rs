@@ -64,7 +64,7 @@ impl LunarLambert {
 
 /// [`LunarLambert`] with its share as a polynomial of half the phase angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     share: [f32; 4],
 }
 

@@ -32,7 +32,7 @@ impl Minnaert {
 
 /// [`Minnaert`] with its exponent in binary.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     bits: u32,
 }
 

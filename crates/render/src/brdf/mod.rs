@@ -2,52 +2,25 @@
 //!
 //! Every law is given as its *radiance factor* `I/F = π r`, with `r` the bidirectional reflectance (radiance over
 //! the irradiance on a plane normal to the light). It already contains the cosine of incidence: nobody multiplies by
-//! it again. Each exists twice: an `f64` reference, and a fast form in [`Lanes`] that a test compares with it.
+//! it again. Each exists twice: an `f64` reference, and a fast form in lanes that a test compares with it.
 
-pub mod hapke;
-pub mod hapke1963;
+mod hapke;
+mod hapke1963;
 mod hapke_fast;
-pub mod lambert;
-pub mod lanes;
-pub mod lommel_seeliger;
-pub mod lunar_lambert;
-pub mod minnaert;
+mod lambert;
+mod lanes;
+mod lommel_seeliger;
+mod lunar_lambert;
+mod minnaert;
+mod parameter;
 
 pub use hapke::{HFunction, Hapke, HapkeVersion};
 pub use hapke1963::Hapke1963;
-pub use lanes::Lanes;
+pub(crate) use lanes::Lanes;
 pub use lunar_lambert::{LunarLambert, LunarShare};
 pub use minnaert::Minnaert;
+pub use parameter::ParameterError;
 use serde::{Deserialize, Serialize};
-
-/// A parameter outside the range where its law means something.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("reflectance `{law}`: `{parameter}` must be {expected}, found {found}")]
-pub struct ParameterError {
-    /// Name of the law in configuration files.
-    pub law: &'static str,
-    /// Name of the parameter.
-    pub parameter: &'static str,
-    /// What was expected.
-    pub expected: String,
-    /// What was found.
-    pub found: f64,
-}
-
-impl ParameterError {
-    fn within(
-        law: &'static str,
-        parameter: &'static str,
-        found: f64,
-        min: f64,
-        max: f64,
-    ) -> Result<(), Self> {
-        if found >= min && found <= max {
-            return Ok(());
-        }
-        Err(Self { law, parameter, expected: format!("from {min} to {max}"), found })
-    }
-}
 
 /// A reflectance law with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -112,7 +85,7 @@ impl Brdf {
     }
 
     /// The fast form, with everything worked out that does not depend on the angles.
-    pub fn prepared(&self) -> Prepared {
+    pub(crate) fn prepared(&self) -> Prepared {
         match self {
             Self::Lambert => Prepared::Lambert,
             Self::LommelSeeliger => Prepared::LommelSeeliger,
@@ -126,7 +99,7 @@ impl Brdf {
 
 /// The angles of the fast form.
 #[derive(Debug, Clone, Copy)]
-pub struct Angles<L> {
+pub(crate) struct Angles<L> {
     /// cos i.
     pub mu0: L,
     /// cos e.
@@ -138,7 +111,7 @@ pub struct Angles<L> {
 
 /// A law ready for [`Prepared::radiance_factor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Prepared {
+pub(crate) enum Prepared {
     /// See [`Brdf::Lambert`].
     Lambert,
     /// See [`Brdf::LommelSeeliger`].

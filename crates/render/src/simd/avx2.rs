@@ -1,6 +1,6 @@
 //! Sixteen lanes in two AVX2 registers.
 
-use super::{Float16, Int16, LANES, Mask16};
+use super::{F32x16, I32x16, LANES, Mask32x16};
 use crate::brdf::Lanes;
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
@@ -48,7 +48,7 @@ impl Not for M {
         Self(ins!(_mm256_xor_ps(self.0, all)), ins!(_mm256_xor_ps(self.1, all)))
     }
 }
-impl Mask16 for M {
+impl Mask32x16 for M {
     #[inline(always)]
     fn any(self) -> bool {
         self.bits() != 0
@@ -80,7 +80,7 @@ macro_rules! int_op {
     };
 }
 
-impl Int16 for I {
+impl I32x16 for I {
     #[inline(always)]
     fn splat(value: i32) -> Self {
         let v = ins!(_mm256_set1_epi32(value));
@@ -133,7 +133,7 @@ impl Lanes for F {
     }
 }
 
-impl Float16 for F {
+impl F32x16 for F {
     type Mask = M;
     type Int = I;
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Sixteen lanes in one AVX-512 register.
 
-use super::{Float16, Int16, LANES};
+use super::{F32x16, I32x16, LANES};
 use crate::brdf::Lanes;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
@@ -37,7 +37,7 @@ lanewise!(Sub, sub, _mm512_sub_ps);
 lanewise!(Mul, mul, _mm512_mul_ps);
 lanewise!(Div, div, _mm512_div_ps);
 
-impl Int16 for I {
+impl I32x16 for I {
     #[inline(always)]
     fn splat(value: i32) -> Self {
         Self(ins!(_mm512_set1_epi32(value)))
@@ -105,7 +105,7 @@ impl Lanes for F {
     }
 }
 
-impl Float16 for F {
+impl F32x16 for F {
     type Mask = M;
     type Int = I;
     #[inline(always)]

@@ -18,7 +18,7 @@ use std::ops::{BitAnd, BitOr, Not};
 pub(crate) const LANES: usize = 16;
 
 /// A truth value per lane.
-pub(crate) trait Mask16:
+pub(crate) trait Mask32x16:
     Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
 {
     fn any(self) -> bool;
@@ -27,7 +27,7 @@ pub(crate) trait Mask16:
 }
 
 /// A 32-bit integer per lane; arithmetic wraps.
-pub(crate) trait Int16: Copy {
+pub(crate) trait I32x16: Copy {
     fn splat(value: i32) -> Self;
     fn store(self) -> [i32; LANES];
     fn add(self, other: Self) -> Self;
@@ -44,9 +44,9 @@ pub(crate) trait Int16: Copy {
 }
 
 /// A 32-bit float per lane.
-pub(crate) trait Float16: Lanes {
-    type Mask: Mask16;
-    type Int: Int16;
+pub(crate) trait F32x16: Lanes {
+    type Mask: Mask32x16;
+    type Int: I32x16;
     fn load(values: &[f32; LANES]) -> Self;
     fn store(self) -> [f32; LANES];
     fn lt(self, other: Self) -> Self::Mask;
@@ -71,11 +71,25 @@ pub(crate) trait Float16: Lanes {
 
 /// Sum over the lanes in one fixed order.
 #[inline(always)]
-pub(crate) fn sum<F: Float16>(value: F) -> f32 {
+pub(crate) fn sum<F: F32x16>(value: F) -> f32 {
     let v = value.store();
     let mut half = [0.0f32; 8];
     for i in 0..8 {
         half[i] = v[i] + v[i + 8];
     }
     ((half[0] + half[4]) + (half[1] + half[5])) + ((half[2] + half[6]) + (half[3] + half[7]))
+}
+
+/// A divisor that is not zero.
+#[inline(always)]
+pub(crate) fn nonzero<F: F32x16>(v: F) -> F {
+    let least = F::splat(1e-12);
+    F::select(v.abs().lt(least), least, v)
+}
+
+/// Rounds down; values must fit an `i32`.
+#[inline(always)]
+pub(crate) fn floor<F: F32x16>(v: F) -> F::Int {
+    let i = v.truncate();
+    F::select_int(v.lt(F::from_int(i)), i.sub(F::Int::splat(1)), i)
 }

@@ -1,6 +1,6 @@
 //! Sixteen lanes in plain Rust.
 
-use super::{Float16, Int16, LANES, Mask16};
+use super::{F32x16, I32x16, LANES, Mask32x16};
 use crate::brdf::Lanes;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
@@ -48,7 +48,7 @@ impl Not for M {
         Self(!self.0)
     }
 }
-impl Mask16 for M {
+impl Mask32x16 for M {
     #[inline(always)]
     fn any(self) -> bool {
         self.0 != 0
@@ -63,7 +63,7 @@ impl Mask16 for M {
     }
 }
 
-impl Int16 for I {
+impl I32x16 for I {
     #[inline(always)]
     fn splat(value: i32) -> Self {
         Self([value; LANES])
@@ -129,7 +129,7 @@ impl Lanes for F {
     }
 }
 
-impl Float16 for F {
+impl F32x16 for F {
     type Mask = M;
     type Int = I;
     #[inline(always)]

@@ -1,11 +1,11 @@
 //! How far a finer model and the coarser terrain are apart where they must meet, and how wide the fade has to be.
 
-use super::NestOptions;
 use super::scratch::Scratch;
 use super::under::Under;
 use super::weight::{BlockDistance, Widths};
 use crate::layer::SUPPORT_BLOCK;
 use crate::{Error, Grid};
+use serde::{Deserialize, Serialize};
 
 /// Blocks beside holes in which the step is sampled.
 const STEP_BLOCKS: f32 = 3.0;
@@ -13,6 +13,25 @@ const STEP_BLOCKS: f32 = 3.0;
 const CORNER: f64 = 0.1;
 /// Steepest slope of `smoothstep`, per unit.
 const STEEPEST: f64 = 1.5;
+
+/// How a finer layer is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NestOptions {
+    /// Least width of the fade, in cells of the coarser terrain.
+    pub blend_cells: f64,
+    /// Slope (tangent) that fading may add, for 99 of 100 places at the rim: the width grows until it holds.
+    pub max_seam_slope: f64,
+    /// The fade takes at most this share of the layer's shorter side from each side.
+    pub max_share: f64,
+}
+
+impl Default for NestOptions {
+    /// 0.05 is 2.9°, a quarter of the median slope of the polar sites.
+    fn default() -> Self {
+        Self { blend_cells: 2.0, max_seam_slope: 0.05, max_share: 0.2 }
+    }
+}
 
 /// |fine − coarse| along one stretch of border: a side of the rim, or the holes.
 #[derive(Default)]
@@ -27,7 +46,7 @@ impl Stretch {
     }
 
     fn width_m(&self, grid: &Grid, options: &NestOptions) -> f64 {
-        let [step_c, step_r] = super::step_m(grid);
+        let [step_c, step_r] = step_m(grid);
         let side = ((grid.cols - 1) as f64 * step_c).min((grid.rows - 1) as f64 * step_r);
         let coarse_cell_m = self.coarse_cell_m.max(grid.cell_m());
         let wanted = (options.blend_cells.max(1.0) * coarse_cell_m)
@@ -98,10 +117,17 @@ impl Steps {
     }
 
     /// 99th percentile and maximum over all stretches, metres.
-    pub fn p99_and_max_m(&self) -> (f64, f64) {
+    pub(crate) fn p99_and_max_m(&self) -> (f64, f64) {
         let mut all: Vec<f64> = self.0.iter().flat_map(|s| s.steps_m.iter().copied()).collect();
         all.sort_by(f64::total_cmp);
         let p99 = all.get(all.len().saturating_sub(1) * 99 / 100).copied().unwrap_or(0.0);
         (p99, all.last().copied().unwrap_or(0.0))
     }
+}
+
+/// Metres per column and per row at the middle.
+pub(super) fn step_m(grid: &Grid) -> [f64; 2] {
+    let [step_c, step_r] = grid.map_from_grid().steps();
+    let scale = grid.cell_m() / (step_c * step_r).sqrt();
+    [step_c * scale, step_r * scale]
 }

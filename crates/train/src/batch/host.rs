@@ -3,11 +3,10 @@
 use super::{Matches, PairImages, Targets, ViewTarget};
 use crate::Error;
 use burn_tensor::{Bool, Device, Int, Tensor, TensorData};
-use nalgebra::{Point2, Vector3};
 use selenograph_dataset::pair::ViewName;
 use selenograph_dataset::rng::Stream;
 use selenograph_dataset::sample::{Provenance, TrainingPair};
-use selenograph_geometry::{Cam, Rigid3, pixel};
+use selenograph_geometry::{Cam, Point2, Rigid3, Vector3, pixel};
 
 /// Sine of the angle between ray and baseline below which a pixel has no epipolar plane.
 const SMALLEST_SINE: f64 = 1e-3;

@@ -102,7 +102,7 @@ impl Targets {
     /// Puts another network's points in the place of the truth, where its confidence reaches `min_confidence`. What the
     /// truth knew besides (matches, vertical, epipolar planes) stays.
     #[must_use]
-    pub fn taught_by(mut self, teacher: &[ViewOutput; 2], min_confidence: f64) -> Self {
+    pub(crate) fn taught_by(mut self, teacher: &[ViewOutput; 2], min_confidence: f64) -> Self {
         for (target, taught) in self.views.iter_mut().zip(teacher) {
             target.points = taught.points.clone().without_autodiff();
             target.valid = taught.confidence.clone().without_autodiff().greater_equal_elem(min_confidence);

@@ -8,7 +8,7 @@ use super::regression::PixelLoss;
 use burn_tensor::Tensor;
 
 /// Mean of `loss · c − alpha · ln c` over the pixels that count, of the whole batch.
-pub fn confidence_weighted(pixels: &PixelLoss, confidence: Tensor<3>, alpha: f64) -> Tensor<1> {
+pub(crate) fn confidence_weighted(pixels: &PixelLoss, confidence: Tensor<3>, alpha: f64) -> Tensor<1> {
     let weighted = pixels.loss.clone() * confidence.clone() - confidence.log() * alpha;
     masked_mean(weighted, pixels.mask.clone())
 }

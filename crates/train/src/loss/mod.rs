@@ -11,7 +11,7 @@ mod slope;
 #[cfg(test)]
 mod tests;
 
-pub use confidence::confidence_weighted;
+pub(crate) use confidence::confidence_weighted;
 pub use epipolar::epipolar;
 pub use matching::{MatchingLoss, MatchingSettings, info_nce, matching};
 pub use normals::normals;

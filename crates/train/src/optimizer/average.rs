@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// A moving average of the weights of a network that learn.
 #[derive(Debug, Clone)]
-pub struct WeightAverage {
+pub(crate) struct WeightAverage {
     decay: f64,
     values: BTreeMap<String, Tensor<1>>,
 }

@@ -7,7 +7,7 @@ mod scaling;
 mod schedule;
 
 pub use adamw::{AdamW, AdamWSettings, Moments, decays};
-pub use average::WeightAverage;
+pub(crate) use average::WeightAverage;
 pub use clip::{clip, norm, scale};
 pub use scaling::LossScale;
 pub use schedule::Schedule;

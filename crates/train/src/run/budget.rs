@@ -1,6 +1,7 @@
 //! Where a run stands in its schedule, and a budget of time: steps sized to it, and again where the machine's pace changes.
 
 use super::checkpoint::Anchor;
+use super::pace::Pace;
 use super::trainer::Trainer;
 use crate::Error;
 
@@ -11,29 +12,13 @@ const TIMED_STEPS: u64 = 3;
 /// The rest is sized again where it would take so much more or less than there is, as a share of it.
 const OFF_PACE: f64 = 0.05;
 
-/// How long steps take.
-#[derive(Debug, Default)]
-pub(super) struct Pace {
-    /// The seconds and the step from which on steps are timed.
-    from: Option<(f64, u64)>,
-    /// Mean seconds from step to step before that.
-    before_s: Option<f64>,
-}
-
-impl Pace {
-    /// A step has ended. The first of a sitting is slower than the others and not timed.
-    pub(super) fn step(&mut self, elapsed_s: f64, step: u64) {
-        self.from.get_or_insert((elapsed_s, step));
-    }
-}
-
 impl Trainer<'_> {
     pub(super) fn elapsed_s(&self) -> f64 {
-        (self.hands.clock)().saturating_sub(self.epoch_zero).as_secs_f64()
+        (self.context.clock)().saturating_sub(self.epoch_zero).as_secs_f64()
     }
 
     pub(super) fn is_over(&self) -> bool {
-        let of_time = self.hands.budget_s.is_some_and(|budget| {
+        let of_time = self.context.budget_s.is_some_and(|budget| {
             let spare = self.save_s + self.validation_s + self.step_s().unwrap_or(0.0);
             self.state.step > 0 && self.elapsed_s() + spare > budget
         });
@@ -55,7 +40,7 @@ impl Trainer<'_> {
     /// Fractional epoch of the schedule after `step` steps.
     pub(super) fn epoch_at(&self, step: u64) -> f64 {
         let epochs = self.settings.epochs;
-        match (self.hands.budget_s, self.state.total_steps) {
+        match (self.context.budget_s, self.state.total_steps) {
             // Until a budget is sized the schedule follows the clock.
             (Some(budget_s), None) => epochs * self.state.elapsed_s / budget_s,
             (Some(_), Some(total)) => {
@@ -64,13 +49,13 @@ impl Trainer<'_> {
                 epoch + (epochs - epoch) * (step as f64 - from as f64) / left
             }
             (None, _) => {
-                step as f64 * self.settings.accumulate as f64 / self.hands.source.batches_per_epoch() as f64
+                step as f64 * self.settings.accumulate as f64 / self.context.source.batches_per_epoch() as f64
             }
         }
     }
 
     pub(super) fn size_budget(&mut self) -> Result<(), Error> {
-        let Some(budget_s) = self.hands.budget_s.filter(|_| self.state.total_steps.is_none()) else {
+        let Some(budget_s) = self.context.budget_s.filter(|_| self.state.total_steps.is_none()) else {
             return Ok(());
         };
         let elapsed_s = self.elapsed_s();
@@ -87,7 +72,7 @@ impl Trainer<'_> {
 
     /// Sizes the rest of a budget again, where it would not be kept.
     pub(super) fn resize_budget(&mut self) {
-        let (Some(budget_s), Some(total)) = (self.hands.budget_s, self.state.total_steps) else { return };
+        let (Some(budget_s), Some(total)) = (self.context.budget_s, self.state.total_steps) else { return };
         if self.num_timed() < TIMED_STEPS {
             return;
         }

@@ -66,7 +66,7 @@ pub struct Checkpoints {
 }
 
 /// What a checkpoint is made of.
-pub struct Saved<'a> {
+pub(crate) struct Saved<'a> {
     /// The network.
     pub network: &'a dyn PairNetwork,
     /// Its optimiser.
@@ -87,7 +87,7 @@ impl Checkpoints {
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Network`]; the others stay as they are.
-    pub fn save(&self, mut saved: Saved<'_>) -> Result<PathBuf, Error> {
+    pub(crate) fn save(&self, mut saved: Saved<'_>) -> Result<PathBuf, Error> {
         let target = self.folder.join(format!("{PREFIX}{:08}", saved.state.step));
         let partial = self.folder.join(".writing");
         remove(&partial)?;
@@ -112,7 +112,7 @@ impl Checkpoints {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn keep_weights(&self, checkpoint: &Path, name: &str) -> Result<(), Error> {
+    pub(crate) fn keep_weights(&self, checkpoint: &Path, name: &str) -> Result<(), Error> {
         let average = checkpoint.join(AVERAGE);
         let source = if average.exists() { average } else { checkpoint.join(WEIGHTS) };
         let target = self.folder.join(name);
@@ -170,7 +170,7 @@ impl Checkpoints {
     ///
     /// # Errors
     /// [`Error::Resume`], [`Error::Network`].
-    pub fn last_optimizer(
+    pub(crate) fn last_optimizer(
         &self,
         settings: AdamWSettings,
         state: &RunState,
@@ -194,7 +194,7 @@ impl Checkpoints {
     ///
     /// # Errors
     /// [`Error::Resume`], [`Error::Network`].
-    pub fn last_average(&self, device: &Device) -> Result<BTreeMap<String, Tensor<1>>, Error> {
+    pub(crate) fn last_average(&self, device: &Device) -> Result<BTreeMap<String, Tensor<1>>, Error> {
         let path = self.last()?.join(AVERAGE);
         if path.exists() { read_tensors(&path, device) } else { Ok(BTreeMap::new()) }
     }

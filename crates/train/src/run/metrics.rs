@@ -64,7 +64,7 @@ impl Record {
 
 /// The file `metrics.jsonl`.
 #[derive(Debug)]
-pub struct MetricsFile {
+pub(crate) struct MetricsFile {
     path: PathBuf,
     file: File,
 }

@@ -41,9 +41,9 @@ impl Trainer<'_> {
             if let Some(limit) = self.settings.clip {
                 clip(&mut gathered.gradients, gradient_norm, limit);
             }
-            self.optimizer.step(self.hands.network, gathered.gradients, learning_rate)?;
+            self.optimizer.step(self.context.network, gathered.gradients, learning_rate)?;
             if let Some(average) = &mut self.average {
-                average.record(self.hands.network);
+                average.record(self.context.network);
             }
         }
         self.state.step += 1;
@@ -69,16 +69,16 @@ impl Trainer<'_> {
     fn gather(&mut self, gathered: &mut Gathered) -> Result<(), Error> {
         let mut left = self.settings.accumulate;
         while left > 0 {
-            let count = left.min(self.hands.at_a_time.max(1));
+            let count = left.min(self.context.at_a_time.max(1));
             left -= count;
             let asked_s = self.elapsed_s();
-            let batches = (0..count).map(|_| self.hands.source.next_batch());
+            let batches = (0..count).map(|_| self.context.source.next_batch());
             let batches = batches.collect::<Result<Vec<HostBatch>, Error>>()?;
             gathered.wait_s += self.elapsed_s() - asked_s;
             self.state.batches += count as u64;
             let job = Job {
-                network: &*self.hands.network,
-                teacher: self.hands.teacher,
+                network: &*self.context.network,
+                teacher: self.context.teacher,
                 settings: self.settings,
                 folder: &self.folder,
                 step: self.state.step + 1,

@@ -16,7 +16,7 @@ const VERSION: &str = "brain.Event:2";
 
 /// Writes scalars to an event file.
 #[derive(Debug)]
-pub struct EventWriter {
+pub(crate) struct EventWriter {
     path: PathBuf,
     file: File,
 }
@@ -40,7 +40,12 @@ impl EventWriter {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn scalars(&mut self, now: Duration, step: u64, values: &[(String, f64)]) -> Result<(), Error> {
+    pub(crate) fn scalars(
+        &mut self,
+        now: Duration,
+        step: u64,
+        values: &[(String, f64)],
+    ) -> Result<(), Error> {
         let mut summary = Vec::new();
         for (tag, value) in values {
             let mut entry = field(1, tag.as_bytes());

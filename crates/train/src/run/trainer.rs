@@ -1,8 +1,8 @@
 //! The loop: batches in, steps, checkpoints and curves out.
 
-use super::budget::Pace;
 use super::checkpoint::{Checkpoints, RunState, Saved};
 use super::metrics::{MetricsFile, Record, StepRecord, ValidationRecord};
+use super::pace::Pace;
 use super::settings::TrainSettings;
 use super::tensorboard::EventWriter;
 use crate::Error;
@@ -33,7 +33,7 @@ pub trait BatchSource {
 pub type Validate<'a> = dyn FnMut(&dyn PairNetwork, u64) -> Result<ValidationRecord, Error> + 'a;
 
 /// What a run works with.
-pub struct Hands<'a> {
+pub struct TrainerContext<'a> {
     /// What learns.
     pub network: &'a mut dyn PairNetwork,
     /// What it learns from.
@@ -71,7 +71,7 @@ pub enum Event<'a> {
 /// A run that stands between two steps.
 pub struct Trainer<'a> {
     pub(super) settings: &'a TrainSettings,
-    pub(super) hands: Hands<'a>,
+    pub(super) context: TrainerContext<'a>,
     pub(super) folder: PathBuf,
     pub(super) optimizer: AdamW,
     pub(super) average: Option<WeightAverage>,
@@ -105,16 +105,20 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     /// [`Error::Settings`], [`Error::Io`].
-    pub fn start(folder: &Path, settings: &'a TrainSettings, hands: Hands<'a>) -> Result<Self, Error> {
-        let total = (settings.epochs * hands.source.batches_per_epoch() as f64 / settings.accumulate as f64)
+    pub fn start(
+        folder: &Path,
+        settings: &'a TrainSettings,
+        context: TrainerContext<'a>,
+    ) -> Result<Self, Error> {
+        let total = (settings.epochs * context.source.batches_per_epoch() as f64 / settings.accumulate as f64)
             .floor()
             .max(1.0) as u64;
         let state = RunState {
-            total_steps: hands.budget_s.is_none().then_some(total),
+            total_steps: context.budget_s.is_none().then_some(total),
             loss_scale: settings.loss_scaling.then(LossScale::default),
             ..RunState::default()
         };
-        Self::stand(folder, settings, hands, (AdamW::new(settings.optimizer), BTreeMap::new()), state, None)
+        Self::stand(folder, settings, context, (AdamW::new(settings.optimizer), BTreeMap::new()), state, None)
     }
 
     /// The run in `folder` as its last checkpoint left it. The network holds [`Checkpoints::last_weights`] and the source
@@ -122,31 +126,35 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     /// [`Error::Resume`], [`Error::Io`], [`Error::Network`].
-    pub fn resume(folder: &Path, settings: &'a TrainSettings, hands: Hands<'a>) -> Result<Self, Error> {
+    pub fn resume(
+        folder: &Path,
+        settings: &'a TrainSettings,
+        context: TrainerContext<'a>,
+    ) -> Result<Self, Error> {
         let saved = checkpoints(folder, settings);
         let state = saved.last_state()?;
-        let device = hands.network.device();
+        let device = context.network.device();
         let optimizer = saved.last_optimizer(settings.optimizer, &state, &device)?;
         let average = saved.last_average(&device)?;
         let last = (state.step, saved.last()?);
-        Self::stand(folder, settings, hands, (optimizer, average), state, Some(last))
+        Self::stand(folder, settings, context, (optimizer, average), state, Some(last))
     }
 
     fn stand(
         folder: &Path,
         settings: &'a TrainSettings,
-        hands: Hands<'a>,
+        context: TrainerContext<'a>,
         (optimizer, averaged): (AdamW, BTreeMap<String, Tensor<1>>),
         state: RunState,
         saved: Option<(u64, PathBuf)>,
     ) -> Result<Self, Error> {
         settings.check()?;
         std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
-        let now = (hands.clock)();
+        let now = (context.clock)();
         Ok(Self {
             checkpoints: checkpoints(folder, settings),
             saved,
-            average: settings.average_decay.map(|decay| WeightAverage::new(decay, hands.network, averaged)),
+            average: settings.average_decay.map(|decay| WeightAverage::new(decay, context.network, averaged)),
             metrics: MetricsFile::open(&metrics_path(folder), state.step)?,
             events: EventWriter::create(&folder.join("tensorboard"), now)?,
             epoch_zero: now.saturating_sub(Duration::from_secs_f64(state.elapsed_s)),
@@ -156,7 +164,7 @@ impl<'a> Trainer<'a> {
             validation_s: 0.0,
             folder: folder.to_owned(),
             settings,
-            hands,
+            context,
             optimizer,
             state,
         })
@@ -173,7 +181,7 @@ impl<'a> Trainer<'a> {
             // Also tells, before time is spent, that the folder can take one.
             self.save()?;
         }
-        while !self.is_over() && !(self.hands.stops)() {
+        while !self.is_over() && !(self.context.stops)() {
             self.step()?;
             self.size_budget()?;
             let is_last = self.is_over();
@@ -205,13 +213,13 @@ impl<'a> Trainer<'a> {
             ("gradient_norm".to_owned(), record.gradient_norm),
             ("pairs_per_s".to_owned(), record.pairs_per_s),
         ]);
-        self.events.scalars((self.hands.clock)(), record.step, &values)?;
+        self.events.scalars((self.context.clock)(), record.step, &values)?;
         let left = self.state.total_steps.zip(self.step_s());
         let left_s = left.map(|(total, step_s)| total.saturating_sub(record.step) as f64 * step_s);
         let record = Record::Step(record);
         self.metrics.push(&record)?;
         if let Record::Step(record) = &record {
-            (self.hands.observer)(Event::Step(record, left_s))?;
+            (self.context.observer)(Event::Step(record, left_s))?;
         }
         Ok(())
     }
@@ -224,8 +232,8 @@ impl<'a> Trainer<'a> {
 
     fn validate(&mut self) -> Result<(), Error> {
         let began_s = self.elapsed_s();
-        let Some(validate) = self.hands.validate.as_mut() else { return Ok(()) };
-        let network = &mut *self.hands.network;
+        let Some(validate) = self.context.validate.as_mut() else { return Ok(()) };
+        let network = &mut *self.context.network;
         let trained = match &self.average {
             Some(average) => exchange(network, average.values())?,
             None => BTreeMap::new(),
@@ -236,12 +244,12 @@ impl<'a> Trainer<'a> {
         self.validation_s = self.elapsed_s() - began_s;
         let values: Vec<_> =
             found.values.iter().map(|(name, value)| (format!("validation/{name}"), *value)).collect();
-        self.events.scalars((self.hands.clock)(), found.step, &values)?;
+        self.events.scalars((self.context.clock)(), found.step, &values)?;
         let is_best = self.state.best_score.is_none_or(|best| found.score < best);
         let record = Record::Validation(found);
         self.metrics.push(&record)?;
         if let Record::Validation(found) = &record {
-            (self.hands.observer)(Event::Validation(found))?;
+            (self.context.observer)(Event::Validation(found))?;
             if is_best {
                 let before = self.state.best_score.replace(found.score);
                 let saved = self.save();
@@ -257,7 +265,7 @@ impl<'a> Trainer<'a> {
     /// Tells of a checkpoint that could not be written, and whether it was.
     fn tell_if_lost<T>(&mut self, saved: Result<T, Error>) -> Result<bool, Error> {
         if let Err(error) = &saved {
-            (self.hands.observer)(Event::NotSaved(error))?;
+            (self.context.observer)(Event::NotSaved(error))?;
             self.saved_at_s = self.elapsed_s();
         }
         Ok(saved.is_ok())
@@ -270,7 +278,7 @@ impl<'a> Trainer<'a> {
         }
         let began_s = self.elapsed_s();
         let path = self.checkpoints.save(Saved {
-            network: self.hands.network,
+            network: self.context.network,
             optimizer: &self.optimizer,
             average: self.average.as_ref(),
             state: self.state.clone(),
@@ -278,7 +286,7 @@ impl<'a> Trainer<'a> {
         self.saved_at_s = self.elapsed_s();
         self.save_s = self.saved_at_s - began_s;
         self.saved = Some((self.state.step, path.clone()));
-        (self.hands.observer)(Event::Saved(&path))?;
+        (self.context.observer)(Event::Saved(&path))?;
         Ok(path)
     }
 }

@@ -6,7 +6,7 @@ use burn_tensor::{Int, Tensor};
 use selenograph_network::{NetworkConfig, Preset};
 use selenograph_train::network::PairNetwork;
 use selenograph_train::run::metrics::StepRecord;
-use selenograph_train::run::{BatchSource, CheckpointSettings, Hands, TrainSettings, Trainer};
+use selenograph_train::run::{BatchSource, CheckpointSettings, TrainSettings, Trainer, TrainerContext};
 use selenograph_train::{Frozen, ModelNetwork};
 use std::time::Duration;
 
@@ -30,7 +30,7 @@ fn by_heart(config: &NetworkConfig, side: usize, epochs: f64) -> (f64, f64) {
     let mut network = random_network(config, Frozen::None);
     let mut source = Scenes::new(side, 8, 4, 0);
     assert_eq!(source.batches_per_epoch(), 2);
-    let hands = Hands {
+    let context = TrainerContext {
         network: &mut network,
         source: &mut source,
         teacher: None,
@@ -41,7 +41,7 @@ fn by_heart(config: &NetworkConfig, side: usize, epochs: f64) -> (f64, f64) {
         stops: &|| false,
         observer: &mut |_| Ok(()),
     };
-    Trainer::start(folder.path(), &settings, hands).unwrap().run().unwrap();
+    Trainer::start(folder.path(), &settings, context).unwrap().run().unwrap();
     let steps = steps(folder.path());
     let of = |step: &StepRecord| step.terms["regression_a"] + step.terms["regression_b"];
     let (first, last) = (&steps[0], &steps[steps.len() - 1]);

@@ -1,15 +1,17 @@
 //! A frozen encoder in the CPU engine, and the cache of what it makes of pictures.
 
-use crate::goldens::{root, values};
+use crate::goldens::{Golden, root, training_cases, values};
 use crate::scene::{Scenes, config};
+use crate::steps::{checkpoint, host_batch};
 use burn_tensor::{Device, Tensor};
-use selenograph_model::{Images, Inputs, Keep, Model};
+use selenograph_model::{Images, Inputs, Model, SavedActivations};
 use selenograph_network::layout::Layout;
-use selenograph_network::{Checkpoint, random};
+use selenograph_network::random;
 use selenograph_train::batch::{HostBatch, ViewOutput};
 use selenograph_train::loss::{LossSettings, training_loss};
 use selenograph_train::network::{Gradients, PairNetwork};
 use selenograph_train::{Error, Frozen, ModelNetwork};
+use std::path::Path;
 
 /// Of a loss: the encoder's products are summed in another order, each to about 1e-7.
 const LOSS_TOLERANCE: f32 = 1e-5;
@@ -52,7 +54,7 @@ fn learn_without_engine(model: &Model, network: &ModelNetwork, batch: &HostBatch
             &|parameter| network.learns(parameter.name()),
             Inputs::Images(&pixels),
             &pairs,
-            Keep::Everything,
+            SavedActivations::Everything,
             &mut |output| {
                 let loss = training_loss(&output.each_ref().map(view), &targets, &LossSettings::default());
                 total = values(&loss.total)[0];
@@ -83,14 +85,22 @@ fn assert_same_but_for_rounding(found: &(f32, Gradients), expected: &(f32, Gradi
 
 #[test]
 fn shared_a_step_from_the_engine_s_features_is_that_of_the_model() {
-    let Some(root) = root("golden tiny/train, engine") else { return };
-    let folder = root.join("tiny");
-    let batch = crate::steps::host_batch(&crate::goldens::Golden::open(&folder.join("train.safetensors")));
-    assert!(batch.images.portrait.contains(&true) && batch.images.portrait.contains(&false));
-    let checkpoint = Checkpoint::open(&folder.join("model.pth")).unwrap();
+    let Some(root) = root("golden training steps, engine") else { return };
+    for case in training_cases(&root) {
+        check_features(&case);
+    }
+}
+
+fn check_features(case: &Path) {
+    let batch = host_batch(&Golden::open(case));
+    if !(batch.images.portrait.contains(&true) && batch.images.portrait.contains(&false)) {
+        println!("SKIP shared-data: {} has not pictures both ways up", case.display());
+    }
+    let checkpoint = checkpoint(case);
     let mut read = |name: &str| Ok(checkpoint.read_with_shape(name)?);
     let model = Model::new(checkpoint.config(), &Device::flex(), &mut read).unwrap();
-    let network = ModelNetwork::new(model.clone(), Frozen::Encoder, Keep::Everything, None, "a test");
+    let network =
+        ModelNetwork::new(model.clone(), Frozen::Encoder, SavedActivations::Everything, None, "a test");
     let expected = learn_without_engine(&model, &network, &batch);
     assert_same_but_for_rounding(&learn(&network, &batch), &expected);
 }
@@ -141,6 +151,6 @@ fn changed_weights_are_no_hit() {
         Ok((spec.shape.clone(), values))
     };
     let model = Model::new(&config(), &Device::flex(), &mut changed).unwrap();
-    let fresh = ModelNetwork::new(model, Frozen::Encoder, Keep::Everything, None, "a test");
+    let fresh = ModelNetwork::new(model, Frozen::Encoder, SavedActivations::Everything, None, "a test");
     assert_identical(&after, &learn(&fresh, batch));
 }

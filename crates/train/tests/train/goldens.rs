@@ -4,21 +4,16 @@
 #[allow(dead_code, reason = "every crate takes what it needs")]
 mod golden_file;
 
-pub use golden_file::{Golden, root};
+pub use golden_file::{Golden, relative_error, root, stated, training_cases, with_extension, with_tensors};
 
 use burn_tensor::{Device, Tensor, TensorData};
-use nalgebra::{Matrix3, Point3};
 use selenograph_dataset::correspondence::Matches;
 use selenograph_dataset::sample::{Provenance, TrainingPair, TrainingView, ViewTruth};
-use selenograph_geometry::{Camera, Rigid3, pixel::PixelConvention};
+use selenograph_geometry::{Camera, Matrix3, Point3, Rigid3, pixel::PixelConvention};
 use selenograph_raster::Raster;
 use selenograph_train::batch::ViewOutput;
 
 impl Golden {
-    pub fn has(&self, name: &str) -> bool {
-        self.0.contains_key(name)
-    }
-
     pub fn scalar(&self, name: &str) -> f32 {
         self.values(name)[0]
     }
@@ -97,15 +92,6 @@ impl Golden {
         let valid = self.item("gt1.valid_corres", item).iter().map(|flag| *flag != 0.0).collect();
         Matches { a, b, valid }
     }
-}
-
-/// Largest difference, relative to the largest expected value.
-pub fn relative_error(found: &[f32], expected: &[f32]) -> f32 {
-    assert_eq!(found.len(), expected.len());
-    let largest = expected.iter().fold(0.0f32, |max, value| max.max(value.abs()));
-    let error = found.iter().zip(expected).map(|(f, e)| (f - e).abs());
-    assert!(found.iter().all(|value| value.is_finite()));
-    error.fold(0.0, f32::max) / largest
 }
 
 /// The values of a tensor.

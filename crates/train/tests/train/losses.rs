@@ -1,10 +1,11 @@
 //! Every loss of the paper: values and gradients.
 
-use crate::goldens::{Golden, relative_error, root, values};
+use crate::goldens::{Golden, relative_error, root, stated, values, with_tensors};
 use burn_tensor::{Device, Int, Tensor};
 use selenograph_dataset::rng::rng;
 use selenograph_train::batch::{AssemblySettings, HostBatch, Matches, Targets, ViewOutput, ViewTarget};
 use selenograph_train::loss::{self, LossSettings, MatchingSettings, term};
+use std::path::Path;
 
 /// Losses, relative: the README of the goldens.
 const LOSS_TOLERANCE: f32 = 1e-5;
@@ -44,12 +45,10 @@ fn check_gradients(golden: &Golden, case: &str, total: &Tensor<1>, output: &[Vie
     }
 }
 
-fn check_training(file: &str) {
-    let Some(root) = root(&format!("golden losses/{file}")) else { return };
-    let truth = Golden::open(&root.join("losses/loss_norm.safetensors"));
-    let golden = Golden::open(&root.join(format!("losses/{file}.safetensors")));
+/// The losses of `truth`'s outputs that `golden` holds; they say of themselves which pairs are metric.
+fn check_training(truth: &Golden, golden: &Golden) {
     let device = Device::flex();
-    let targets = host_batch(&truth, &golden).targets(&device);
+    let targets = host_batch(truth, golden).targets(&device);
     let tracked = device.autodiff();
     for (case, weight) in [("conf_regr", 0.0), ("total", 0.075)] {
         let output = truth.output(&tracked);
@@ -83,18 +82,20 @@ fn check_training(file: &str) {
             assert_close(name, values(value)[0], golden.scalar(&format!("{case}.detail.{theirs}")));
         }
         assert_close(case, values(&loss.total)[0], golden.scalar(&format!("{case}.value")));
-        check_gradients(&golden, case, &loss.total, &output);
+        check_gradients(golden, case, &loss.total, &output);
     }
 }
 
 #[test]
-fn shared_scale_free_pairs() {
-    check_training("loss_norm");
-}
-
-#[test]
-fn shared_metric_pairs() {
-    check_training("loss_metric");
+fn shared_scale_free_and_metric_pairs() {
+    let Some(root) = root("golden losses") else { return };
+    for truth in with_tensors(&root, &["gt1.img", "pred.pts3d_1"]) {
+        let held = ["gt1.is_metric_scale", "total.value"];
+        for file in with_tensors(truth.parent().unwrap(), &held) {
+            println!("{} of {}", file.display(), truth.display());
+            check_training(&Golden::open(&truth), &Golden::open(&file));
+        }
+    }
 }
 
 /// The values of the valid matches, row by row.
@@ -106,10 +107,15 @@ fn of_valid(matches: &Matches, found: &Tensor<2>) -> Vec<f32> {
 #[test]
 fn shared_every_match_of_the_matching_loss_and_several_blocks() {
     let Some(root) = root("golden losses/loss_norm, infonce") else { return };
-    let golden = Golden::open(&root.join("losses/loss_norm.safetensors"));
+    for file in with_tensors(&root, &["gt1.img", "infonce.per_match"]) {
+        check_every_match_of_the_matching_loss_and_several_blocks(&Golden::open(&file));
+    }
+}
+
+fn check_every_match_of_the_matching_loss_and_several_blocks(golden: &Golden) {
     let device = Device::flex();
     let output = golden.output(&device.clone().autodiff());
-    let matches = host_batch(&golden, &golden).targets(&device).matches.unwrap();
+    let matches = host_batch(golden, golden).targets(&device).matches.unwrap();
     let settings = MatchingSettings::default();
     let expected = golden.values("infonce.per_match");
     let found = of_valid(&matches, &loss::info_nce(&output, &matches, &settings));
@@ -138,13 +144,21 @@ fn shared_every_match_of_the_matching_loss_and_several_blocks() {
 #[test]
 fn shared_test_criterion_and_average_precision() {
     let Some(root) = root("golden losses/loss_norm, test criterion") else { return };
-    let golden = Golden::open(&root.join("losses/loss_norm.safetensors"));
+    for file in with_tensors(&root, &["gt1.img", "ap.per_match"]) {
+        check_test_criterion_and_average_precision(&root, &Golden::open(&file));
+    }
+}
+
+fn check_test_criterion_and_average_precision(root: &Path, golden: &Golden) {
     let device = Device::flex();
     let output = golden.output(&device.clone().autodiff());
-    let batch = host_batch(&golden, &golden);
+    let batch = host_batch(golden, golden);
     let targets = batch.targets(&device);
 
-    let padding = batch.padding(100, &device);
+    let loss = loss::test_criterion(&output, &targets, None);
+    assert_close("unpadded", values(&loss.total)[0], golden.scalar("test_nopad.value"));
+    let Some(count) = stated(root, "test_f32.value", "negatives_padding=") else { return };
+    let padding = batch.padding(count as usize, &device);
     let loss = loss::test_criterion(&output, &targets, padding.as_ref());
     assert_close("padded", values(&loss.total)[0], golden.scalar("test_f32.value"));
     for (name, theirs) in [
@@ -155,8 +169,6 @@ fn shared_test_criterion_and_average_precision() {
         let found = &loss.terms.iter().find(|(ours, _)| *ours == name).unwrap().1;
         assert_close(name, values(found)[0], golden.scalar(&format!("test_f32.detail.{theirs}")));
     }
-    let loss = loss::test_criterion(&output, &targets, None);
-    assert_close("unpadded", values(&loss.total)[0], golden.scalar("test_nopad.value"));
 
     let matches = targets.matches.as_ref().unwrap();
     let found = of_valid(matches, &loss::reciprocal_ranks(&output, matches, padding.as_ref()));
@@ -168,7 +180,12 @@ fn shared_test_criterion_and_average_precision() {
 #[test]
 fn shared_scale_of_a_pair() {
     let Some(root) = root("golden geom, norm") else { return };
-    let golden = Golden::open(&root.join("geom.safetensors"));
+    for file in with_tensors(&root, &["norm.p1", "norm.factor"]) {
+        check_scale_of_a_pair(&Golden::open(&file));
+    }
+}
+
+fn check_scale_of_a_pair(golden: &Golden) {
     let device = Device::flex();
     let [points_a, points_b] = ["norm.p1", "norm.p2"].map(|name| golden.tensor::<4>(name, &device));
     let [b, h, w, _] = points_a.dims();

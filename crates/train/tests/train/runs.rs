@@ -6,7 +6,8 @@ use selenograph_train::network::PairNetwork;
 use selenograph_train::run::memory::MemoryEstimate;
 use selenograph_train::run::metrics::{self, Record, StepRecord, ValidationRecord};
 use selenograph_train::run::{
-    CheckpointSettings, Event, Hands, TrainSettings, Trainer, Validate, checkpoints, metrics_path, validation,
+    CheckpointSettings, Event, TrainSettings, Trainer, TrainerContext, Validate, checkpoints, metrics_path,
+    validation,
 };
 use selenograph_train::{Error, Frozen};
 use std::cell::Cell;
@@ -54,7 +55,7 @@ fn carry_out(
         time.set(time.get() + Duration::from_secs_f64((sitting.tick_s)(gone_s)));
         time.get()
     };
-    let hands = Hands {
+    let context = TrainerContext {
         network,
         source: &mut source,
         teacher: None,
@@ -66,9 +67,9 @@ fn carry_out(
         observer: sitting.observer,
     };
     let trainer = if resumes {
-        Trainer::resume(folder, settings, hands)
+        Trainer::resume(folder, settings, context)
     } else {
-        Trainer::start(folder, settings, hands)
+        Trainer::start(folder, settings, context)
     };
     trainer?.run()
 }
@@ -289,7 +290,7 @@ fn a_teacher_stands_in_for_the_truth() {
         }
         Ok(())
     };
-    let hands = Hands {
+    let context = TrainerContext {
         network: &mut network,
         source: &mut source,
         teacher: Some(&teacher),
@@ -300,7 +301,7 @@ fn a_teacher_stands_in_for_the_truth() {
         stops: &|| false,
         observer: &mut observer,
     };
-    Trainer::start(folder.path(), &settings, hands).unwrap().run().unwrap();
+    Trainer::start(folder.path(), &settings, context).unwrap().run().unwrap();
     // The same weights: nothing to learn but rounding.
     assert!(first.unwrap() < 1e-5, "{first:?}");
 }

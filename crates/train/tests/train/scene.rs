@@ -1,12 +1,11 @@
 //! Pairs of a made-up hilly ground, exact to the last digit, and networks that can learn them.
 
 use burn_tensor::Device;
-use nalgebra::{Matrix3, Point2, Point3};
 use selenograph_dataset::correspondence::{MatchPool, Sighted};
 use selenograph_dataset::rng::rng;
 use selenograph_dataset::sample::{Provenance, TrainingPair, TrainingView, ViewTruth};
-use selenograph_geometry::{Camera, Rigid3, pixel};
-use selenograph_model::{Keep, Model};
+use selenograph_geometry::{Camera, Matrix3, Point2, Point3, Rigid3, pixel};
+use selenograph_model::{Model, SavedActivations};
 use selenograph_network::config::{ConfidenceMode, DepthMode, NetworkConfig, Transformer};
 use selenograph_network::layout::Layout;
 use selenograph_network::{Checkpoint, random};
@@ -103,7 +102,7 @@ pub fn random_network(config: &NetworkConfig, frozen: Frozen) -> ModelNetwork {
         Ok((spec.shape.clone(), random::values(spec, 3)))
     };
     let model = Model::new(config, &Device::flex(), &mut random).unwrap();
-    ModelNetwork::new(model, frozen, Keep::Everything, None, "a test")
+    ModelNetwork::new(model, frozen, SavedActivations::Everything, None, "a test")
 }
 
 /// That network with the weights of a file.
@@ -112,7 +111,7 @@ pub fn read_network(path: &Path, frozen: Frozen) -> ModelNetwork {
     assert_eq!(*checkpoint.config(), config());
     let mut read = |name: &str| Ok(checkpoint.read_with_shape(name)?);
     let model = Model::new(&config(), &Device::flex(), &mut read).unwrap();
-    ModelNetwork::new(model, frozen, Keep::Everything, None, "a test")
+    ModelNetwork::new(model, frozen, SavedActivations::Everything, None, "a test")
 }
 
 /// `num_pairs` pairs over and over, in batches of `batch`.

@@ -1,9 +1,9 @@
 //! Whole training steps of the reference's tiny network: many-aspect batches, each pair both ways.
 
-use crate::goldens::{Golden, relative_error, root, values};
+use crate::goldens::{Golden, relative_error, root, training_cases, values, with_extension};
 use burn_tensor::{Device, Tensor};
 use selenograph_dataset::rng::rng;
-use selenograph_model::{Keep, Model};
+use selenograph_model::{Model, SavedActivations};
 use selenograph_network::Checkpoint;
 use selenograph_train::batch::{AssemblySettings, HostBatch};
 use selenograph_train::loss::{LossSettings, training_loss};
@@ -23,10 +23,14 @@ const STEP_TOLERANCE: f32 = 1e-3;
 const LARGEST_DOUBT: f32 = 0.1;
 /// Of a parameter after a step from the reference's own gradient: what its README saw of another implementation.
 const ALONE_TOLERANCE: f32 = 1e-7;
-const LEARNING_RATE: f64 = 1e-3;
 
-fn network(folder: &Path, frozen: Frozen, keep: Keep) -> ModelNetwork {
-    let checkpoint = Checkpoint::open(&folder.join("model.pth")).unwrap();
+/// The checkpoint of the reference beside a case.
+pub fn checkpoint(case: &Path) -> Checkpoint {
+    Checkpoint::open(&with_extension(case.parent().unwrap(), "pth").swap_remove(0)).unwrap()
+}
+
+fn network(case: &Path, frozen: Frozen, keep: SavedActivations) -> ModelNetwork {
+    let checkpoint = checkpoint(case);
     let mut read = |name: &str| Ok(checkpoint.read_with_shape(name)?);
     let model = Model::new(checkpoint.config(), &Device::flex(), &mut read).unwrap();
     ModelNetwork::new(model, frozen, keep, None, "goldens")
@@ -37,7 +41,7 @@ pub fn host_batch(golden: &Golden) -> HostBatch {
     let mut stream = rng(0, "test", 0, "matches");
     let mut batch = HostBatch::assemble(&golden.pairs(golden), &settings, &mut stream).unwrap();
     // The reference's pictures are no bytes: ours are those but for their rounding.
-    let pixels = batch.images.values.len() / 4;
+    let pixels = batch.images.values.len() / batch.images.portrait.len();
     for (slot, image) in batch.images.values.chunks_mut(pixels).enumerate() {
         let theirs = golden.item(&format!("gt{}.img", slot % 2 + 1), slot / 2);
         assert!(image.iter().zip(theirs).all(|(a, b)| (a - b.clamp(-1.0, 1.0)).abs() < 0.5 / 127.0));
@@ -48,16 +52,40 @@ pub fn host_batch(golden: &Golden) -> HostBatch {
 
 #[test]
 fn shared_two_training_steps() {
-    let Some(root) = root("golden tiny/train") else { return };
-    let folder = root.join("tiny");
-    let golden = Golden::open(&folder.join("train.safetensors"));
-    let meta: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(folder.join("train_meta.json")).unwrap()).unwrap();
+    let Some(root) = root("golden training steps") else { return };
+    for case in training_cases(&root) {
+        check_training_steps(&case);
+    }
+}
+
+/// What a file beside a case says: `train_meta.json` beside `train.safetensors`.
+fn meta(case: &Path) -> serde_json::Value {
+    let stem = case.file_stem().unwrap().to_str().unwrap();
+    let text = std::fs::read_to_string(case.with_file_name(format!("{stem}_meta.json"))).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// The optimiser that the case was made with, and its learning rate.
+fn optimizer(meta: &serde_json::Value) -> (AdamWSettings, f64) {
+    let of = |value: &serde_json::Value| value.as_f64().unwrap();
+    let settings = AdamWSettings {
+        beta_1: of(&meta["betas"][0]),
+        beta_2: of(&meta["betas"][1]),
+        epsilon: of(&meta["eps"]),
+        weight_decay: of(&meta["weight_decay"]),
+    };
+    (settings, of(&meta["lr"]))
+}
+
+fn check_training_steps(case: &Path) {
+    let golden = Golden::open(case);
+    let meta = meta(case);
+    let (settings, learning_rate) = optimizer(&meta);
     let names = |key: &str| -> Vec<String> { serde_json::from_value(meta[key].clone()).unwrap() };
     let batch = host_batch(&golden);
     let targets = batch.targets(&Device::flex());
-    for keep in [Keep::Everything, Keep::BlockInputs] {
-        let mut network = network(&folder, Frozen::None, keep);
+    for keep in [SavedActivations::Everything, SavedActivations::BlockInputs] {
+        let mut network = network(case, Frozen::None, keep);
         check_groups(&network, &names("decay"), &names("no_decay"));
         let output = network.forward(&batch.images).unwrap();
         for (view, output) in output.iter().enumerate() {
@@ -74,9 +102,9 @@ fn shared_two_training_steps() {
             }
         }
         let selected = names("selected");
-        let mut optimizer = AdamW::new(AdamWSettings::default());
+        let mut optimizer = AdamW::new(settings);
         let mut past = Vec::new();
-        for step in 0..2 {
+        for step in (0..).take_while(|step| golden.has(&format!("step{step}.loss"))) {
             let mut total = f32::NAN;
             let gradients = network
                 .learn(&batch.images, &mut |output| {
@@ -94,8 +122,9 @@ fn shared_two_training_steps() {
                 check_gradients(&golden, &gradients, &selected);
             }
             past.push(gradients.clone());
-            optimizer.step(&mut network, gradients, LEARNING_RATE).unwrap();
-            check_parameters(&golden, &past, &network, &selected);
+            optimizer.step(&mut network, gradients, learning_rate).unwrap();
+            let steps = Steps { past: &past, settings, learning_rate };
+            check_parameters(&golden, &steps, &network, &selected);
         }
     }
 }
@@ -139,8 +168,15 @@ fn check_gradients(golden: &Golden, gradients: &Gradients, selected: &[String]) 
     }
 }
 
-fn check_parameters(golden: &Golden, past: &[Gradients], network: &ModelNetwork, selected: &[String]) {
-    let step = past.len();
+/// The steps so far: their gradients, and how they were made.
+struct Steps<'a> {
+    past: &'a [Gradients],
+    settings: AdamWSettings,
+    learning_rate: f64,
+}
+
+fn check_parameters(golden: &Golden, steps: &Steps<'_>, network: &ModelNetwork, selected: &[String]) {
+    let step = steps.past.len();
     let mut num_seen = 0;
     network.visit(&mut |name, _, value| {
         if !selected.iter().any(|other| other == name) {
@@ -148,12 +184,12 @@ fn check_parameters(golden: &Golden, past: &[Gradients], network: &ModelNetwork,
         }
         num_seen += 1;
         let past: Vec<Vec<f32>> =
-            past.iter().filter_map(|gradients| gradients.get(name).map(values)).collect();
+            steps.past.iter().filter_map(|gradients| gradients.get(name).map(values)).collect();
         let found = values(&value);
-        let mut doubts = doubts(&past, found.len());
+        let mut doubts = doubts(steps.settings, &past, found.len());
         let expected = golden.values(&format!("after_step{step}.{name}"));
         for (n, doubt) in doubts.iter().enumerate() {
-            let error = (found[n] - expected[n]).abs() / LEARNING_RATE as f32;
+            let error = (found[n] - expected[n]).abs() / steps.learning_rate as f32;
             assert!(error <= doubt + STEP_TOLERANCE, "{name}, value {n} after step {step}: {error:.1e} off");
         }
         doubts.sort_by(f32::total_cmp);
@@ -165,8 +201,8 @@ fn check_parameters(golden: &Golden, past: &[Gradients], network: &ModelNetwork,
 }
 
 /// Adam's step after these gradients, in learning rates, without decay.
-fn adam(gradients: &[f32]) -> f32 {
-    let AdamWSettings { beta_1, beta_2, epsilon, .. } = AdamWSettings::default();
+fn adam(settings: AdamWSettings, gradients: &[f32]) -> f32 {
+    let AdamWSettings { beta_1, beta_2, epsilon, .. } = settings;
     let mean = |beta: f64, values: &mut dyn Iterator<Item = f64>| {
         let (sum, weight) = values.fold((0.0, 0.0), |(sum, weight), g| (beta * sum + g, beta * weight + 1.0));
         sum / weight
@@ -178,7 +214,7 @@ fn adam(gradients: &[f32]) -> f32 {
 
 /// How far each of `len` values may have gone astray, in learning rates, since each gradient is known within its tolerance.
 /// Where a gradient is smaller than that its sign is anyone's, and with it the whole step.
-fn doubts(past: &[Vec<f32>], len: usize) -> Vec<f32> {
+fn doubts(settings: AdamWSettings, past: &[Vec<f32>], len: usize) -> Vec<f32> {
     let slack: Vec<f32> = past
         .iter()
         .map(|gradient| GRADIENT_TOLERANCE * gradient.iter().fold(0.0f32, |max, g| max.max(g.abs())))
@@ -189,7 +225,9 @@ fn doubts(past: &[Vec<f32>], len: usize) -> Vec<f32> {
             (0..step).map(|k| past[k][n] + sign(k) * slack[k]).collect()
         };
         let own: Vec<f32> = past[..step].iter().map(|gradient| gradient[n]).collect();
-        (0..1 << step).map(|signs| (adam(&moved(signs)) - adam(&own)).abs()).fold(0.0, f32::max)
+        (0..1 << step)
+            .map(|signs| (adam(settings, &moved(signs)) - adam(settings, &own)).abs())
+            .fold(0.0, f32::max)
     };
     (0..len).map(|n| (1..=past.len()).map(|step| doubt(n, step)).sum()).collect()
 }
@@ -197,10 +235,16 @@ fn doubts(past: &[Vec<f32>], len: usize) -> Vec<f32> {
 /// Starts from the reference's weights and gradients, so that nothing but the optimiser is tested.
 #[test]
 fn shared_one_step_of_the_optimiser_alone() {
-    let Some(root) = root("golden tiny/train, optimiser") else { return };
-    let folder = root.join("tiny");
-    let golden = Golden::open(&folder.join("train.safetensors"));
-    let mut network = network(&folder, Frozen::None, Keep::Everything);
+    let Some(root) = root("golden steps of the optimiser") else { return };
+    for case in training_cases(&root) {
+        check_optimiser(&case);
+    }
+}
+
+fn check_optimiser(case: &Path) {
+    let golden = Golden::open(case);
+    let (settings, learning_rate) = optimizer(&meta(case));
+    let mut network = network(case, Frozen::None, SavedActivations::Everything);
     let mut gradients = Gradients::new();
     network.visit(&mut |name, shape, _| {
         let theirs = format!("grad.{name}");
@@ -212,7 +256,7 @@ fn shared_one_step_of_the_optimiser_alone() {
     });
     let selected: Vec<String> = gradients.keys().cloned().collect();
     assert!(!selected.is_empty());
-    AdamW::new(AdamWSettings::default()).step(&mut network, gradients, LEARNING_RATE).unwrap();
+    AdamW::new(settings).step(&mut network, gradients, learning_rate).unwrap();
     network.visit(&mut |name, _, value| {
         if selected.iter().any(|other| other == name) {
             let expected = golden.values(&format!("after_step1.{name}"));
@@ -226,10 +270,15 @@ fn shared_one_step_of_the_optimiser_alone() {
 
 #[test]
 fn shared_a_frozen_encoder_lets_its_norm_learn() {
-    let Some(root) = root("golden tiny/train, frozen") else { return };
-    let folder = root.join("tiny");
-    let batch = host_batch(&Golden::open(&folder.join("train.safetensors")));
-    let network = network(&folder, Frozen::Encoder, Keep::Everything);
+    let Some(root) = root("golden training steps, frozen") else { return };
+    for case in training_cases(&root) {
+        check_frozen_encoder(&case);
+    }
+}
+
+fn check_frozen_encoder(case: &Path) {
+    let batch = host_batch(&Golden::open(case));
+    let network = network(case, Frozen::Encoder, SavedActivations::Everything);
     let targets = batch.targets(&Device::flex());
     let gradients = network
         .learn(&batch.images, &mut |output| {

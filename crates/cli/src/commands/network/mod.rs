@@ -5,6 +5,7 @@ mod forecast;
 
 pub use forecast::Task;
 
+use super::clock::instant;
 use crate::args::network::{InputRule, NetworkChoice};
 use crate::exit::refuse;
 use crate::ui::Ui;
@@ -105,7 +106,7 @@ pub fn with_steps<T>(ui: &Ui, work: impl FnOnce(&mut dyn FnMut(Progress)) -> T) 
     let done = work(&mut |progress| {
         if running.is_none_or(|(step, _)| step != progress.step) {
             finished(running, ui);
-            running = Some((progress.step, Instant::now()));
+            running = Some((progress.step, instant()));
         }
         show(&bar, progress);
     });

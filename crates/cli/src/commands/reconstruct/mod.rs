@@ -6,7 +6,7 @@ mod network_choice;
 mod pose_file;
 mod report;
 
-use super::clock::now_utc;
+use super::clock::{instant, now_utc};
 use super::network;
 use super::run_record::{RunRecord, checksums};
 use crate::args::reconstruct::{ProductChoice, Reconstruct};
@@ -212,7 +212,7 @@ fn with_stages<T>(ui: &Ui, work: impl FnOnce(&mut dyn FnMut(Stage)) -> T) -> T {
             bar.set_length(bar.position() + 1);
             bar.set_message(stage.as_str());
             bar.tick();
-            running = Some((stage, Instant::now()));
+            running = Some((stage, instant()));
         }
     };
     let done = work(&mut |stage| tell(Some(stage)));

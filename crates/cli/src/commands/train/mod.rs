@@ -6,7 +6,7 @@ mod request;
 mod sources;
 mod stop;
 
-use super::clock::since_1970;
+use super::clock::{instant, since_1970};
 use crate::args::train::{Presets, Resume, Run, TrainCommand};
 use crate::exit::{Outcome, refuse};
 use crate::target::{hold, is_occupied};
@@ -23,7 +23,9 @@ use selenograph_train::run::feed::{LoaderFeed, held_out};
 use selenograph_train::run::memory::MemoryEstimate;
 use selenograph_train::run::page::{page, sample};
 use selenograph_train::run::preset::{PRESETS, preset_text};
-use selenograph_train::run::{Hands, Trainer, Validate, checkpoints, metrics, metrics_path, validation};
+use selenograph_train::run::{
+    Trainer, TrainerContext, Validate, checkpoints, metrics, metrics_path, validation,
+};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -117,9 +119,9 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     };
     let validate: Option<Box<Validate<'_>>> = if held.is_empty() { None } else { Some(Box::new(&mut judge)) };
     let began = since_1970();
-    let since = std::time::Instant::now();
+    let since = instant();
     let asked = stop::on_request()?;
-    let hands = Hands {
+    let context = TrainerContext {
         network: &mut network,
         source: &mut feed,
         teacher: teacher.as_ref().map(|teacher| teacher as &dyn PairNetwork),
@@ -136,8 +138,8 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     let _held = held_before.map_or_else(|| hold(folder), Ok)?;
     let learning = &settings.learning;
     let trainer = match last {
-        Some(_) => Trainer::resume(folder, learning, hands),
-        None => Trainer::start(folder, learning, hands),
+        Some(_) => Trainer::resume(folder, learning, context),
+        None => Trainer::start(folder, learning, context),
     };
     let ended = trainer.and_then(Trainer::run);
     teller.finish();

@@ -6,7 +6,7 @@ use crate::exit::refuse;
 use crate::target;
 use crate::ui::Ui;
 use anyhow::Context;
-use selenograph_model::{Device, Keep, Model};
+use selenograph_model::{Device, Model, SavedActivations};
 use selenograph_network::layout::Layout;
 use selenograph_network::{Checkpoint, NetworkConfig, Preset, random};
 use selenograph_train::batch::AssemblySettings;
@@ -172,7 +172,8 @@ impl Request {
         };
         let provenance =
             format!("trained by selenograph {} from {}", env!("CARGO_PKG_VERSION"), self.origin());
-        let keep = if learning.recompute { Keep::BlockInputs } else { Keep::Everything };
+        let keep =
+            if learning.recompute { SavedActivations::BlockInputs } else { SavedActivations::Everything };
         let model = model.with_precision(precision);
         let network = ModelNetwork::new(model, learning.frozen, keep, license.as_deref(), &provenance);
         let network = network.with_encoding_cache(learning.encoding_cache_mib << 20);

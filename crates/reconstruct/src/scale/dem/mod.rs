@@ -18,13 +18,14 @@ mod patch;
 
 pub use patch::DemPatch;
 
-use super::altitude::MAD_TO_SIGMA;
 use super::{Placement, ScaleSource};
 use crate::Error;
 use crate::grid::frame::sampled_points;
 use crate::prediction::Prediction;
 use nalgebra::{SMatrix, SVector};
-use selenograph_geometry::{BodyFixed, CamA, Enu, Point3, PredA, Rigid3, Rotation3, Sim3, Vector3};
+use selenograph_geometry::{
+    BodyFixed, CamA, Enu, Point3, PredA, Rigid3, Rotation3, Sim3, Vector3, robust::MAD_TO_SIGMA,
+};
 use selenograph_raster::statistics::median;
 use serde::{Deserialize, Serialize};
 

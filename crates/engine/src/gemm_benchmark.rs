@@ -6,14 +6,14 @@ use crate::kernel::Simd;
 use crate::packed::Packed;
 
 /// A product of arbitrary matrices by the engine's own kernel, as large as its layers.
-pub struct Yardstick {
+pub struct GemmBenchmark {
     rows: Buffer,
     weights: Packed,
     out: Buffer,
     num_rows: usize,
 }
 
-impl Yardstick {
+impl GemmBenchmark {
     /// `num_rows × inputs` times `inputs × outputs`.
     #[must_use]
     pub fn new(num_rows: usize, inputs: usize, outputs: usize) -> Self {

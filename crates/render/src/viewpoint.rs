@@ -1,20 +1,19 @@
 //! A camera somewhere in the world.
 
 use crate::Error;
-use nalgebra::{Point2, Point3, Vector3};
-use selenograph_geometry::{BodyFixed, Cam, Camera, Rigid3, pixel};
+use selenograph_geometry::{BodyFixed, Cam, Camera, Point2, Point3, Rigid3, Vector3, pixel};
 use selenograph_terrain::Terrain;
 
 /// A camera and where it is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct Viewpoint {
     /// Intrinsics.
     pub camera: Camera,
     /// Pose.
     pub world_from_cam: Rigid3<BodyFixed, Cam>,
 }
 
-impl View {
+impl Viewpoint {
     /// Centre of projection in the body-fixed frame, metres.
     pub fn origin(&self) -> Point3<f64> {
         self.world_from_cam.origin()
@@ -36,7 +35,7 @@ impl View {
     ///
     /// # Errors
     /// [`Error::CameraBelowGround`].
-    pub fn check_above_ground(&self, terrain: &Terrain) -> Result<(), Error> {
+    pub(crate) fn check_above_ground(&self, terrain: &Terrain) -> Result<(), Error> {
         let origin = self.origin();
         let place = terrain.body.place(&origin);
         // Outside every layer only the sphere's lowest height is known.

@@ -1,0 +1,47 @@
+//! What can be wrong with a geometric input.
+
+/// What can be wrong with a geometric input.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A camera matrix or image size that no real camera has.
+    #[error("camera: {what}, found {found}")]
+    Camera {
+        /// What was expected.
+        what: &'static str,
+        /// What was found.
+        found: String,
+    },
+    /// A projection that has no closed form here.
+    #[error("projection `{name}` is not supported")]
+    UnknownProjection {
+        /// The name or string as it was given.
+        name: String,
+    },
+    /// A parameter of a projection is missing or unusable.
+    #[error("projection parameter `{name}`: {what}")]
+    ProjectionParameter {
+        /// Name of the parameter.
+        name: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A matrix that should be a rotation is not.
+    #[error("not a rotation: {what}")]
+    NotARotation {
+        /// How it fails (determinant, orthonormality residual).
+        what: String,
+    },
+    /// A scale that no similarity has.
+    #[error("a similarity's scale must be positive and finite, found {scale}")]
+    Scale {
+        /// The scale as it was given.
+        scale: f64,
+    },
+    /// A viewing direction that leaves the camera's roll undefined.
+    #[error("look-at is degenerate: {what}")]
+    Degenerate {
+        /// Which two directions coincide.
+        what: &'static str,
+    },
+}
