@@ -21,6 +21,7 @@ pub mod sample;
 pub mod sheet;
 pub mod split;
 pub mod stored;
+mod view_truth;
 
 pub use error::Error;
 

@@ -1,6 +1,5 @@
 //! The files of one pair: are they there, whole, and the same under each light?
 
-use super::CheckOptions;
 use super::geometry::{self, GeometryCheck};
 use super::numbers::PairNumbers;
 use super::principal_point::Evidence;
@@ -9,7 +8,25 @@ use crate::Error;
 use crate::pair::{PAIR_NAME, ViewName, image_name};
 use crate::stored::triplets::{read_geometry, read_picture};
 use crate::stored::{Layout, OpenPair, RawView, StoredPair, Triplet, TripletPair};
+use selenograph_geometry::{Body, PixelConvention};
 use std::path::Path;
+
+/// How to check.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckOptions {
+    /// The body of triplets, whose files do not name one.
+    pub body: Body,
+    /// What the triplets' camera matrices are taken for; the fit then says whether that is so.
+    pub k_convention: PixelConvention,
+    /// Every this many pixels across and down are warped.
+    pub step: usize,
+}
+
+impl Default for CheckOptions {
+    fn default() -> Self {
+        Self { body: Body::moon(), k_convention: PixelConvention::Corner, step: 2 }
+    }
+}
 
 /// Everything known of one pair.
 #[derive(Debug, Default)]

@@ -12,6 +12,7 @@ pub mod reprojection;
 #[cfg(test)]
 pub(crate) mod synthetic;
 
+pub use folder::CheckOptions;
 pub use report::{Code, Finding, FolderKind, Report, Severity};
 
 use crate::Error;
@@ -19,25 +20,8 @@ use crate::stored::{self, ReadOptions};
 use folder::PairCheck;
 use principal_point::{PrincipalPoint, Verdict};
 use rayon::prelude::*;
-use selenograph_geometry::{Body, PixelConvention};
+use selenograph_geometry::PixelConvention;
 use std::path::Path;
-
-/// How to check.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckOptions {
-    /// The body of triplets, whose files do not name one.
-    pub body: Body,
-    /// What the triplets' camera matrices are taken for; the fit then says whether that is so.
-    pub k_convention: PixelConvention,
-    /// Every this many pixels across and down are warped.
-    pub step: usize,
-}
-
-impl Default for CheckOptions {
-    fn default() -> Self {
-        Self { body: Body::moon(), k_convention: PixelConvention::Corner, step: 2 }
-    }
-}
 
 /// Checks a dataset of ours, a folder of triplets, or the folders of one kind below a folder.
 ///
