@@ -8,7 +8,7 @@ use crate::Error;
 use crate::covisibility::Sight;
 use crate::plan::coverage::in_frame;
 use crate::rng::Stream;
-use crate::sample::ViewTruth;
+use crate::view_truth::ViewTruth;
 use nalgebra::{Matrix3, Point2, Vector3};
 use selenograph_geometry::{Cam, Camera, Rigid3, pixel};
 use serde::{Deserialize, Serialize};

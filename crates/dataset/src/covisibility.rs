@@ -8,15 +8,11 @@ use crate::pair::OverlapRecord;
 use crate::plan::coverage::in_frame;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
-use selenograph_geometry::pixel;
 use selenograph_render::{Hit, Tracer, Truth, Viewpoint};
 
 /// A ray that stops this far before the point is taken to have reached it, metres: far above the rounding of positions at
 /// the Moon's radius (1e-9 m), even where it is stretched by a grazing view, and far below any relief.
 const REACHED_M: f64 = 1e-3;
-
-/// Ground that ends B's ray this many pixels' ground before the point hides it.
-const HIDDEN_GSDS: f64 = 20.0;
 
 /// Where a pixel's ground is in the other view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,49 +92,5 @@ pub fn pixel_maps(sights: &[Sight]) -> [Vec<f32>; 3] {
     [at(|p| p.x), at(|p| p.y), seen]
 }
 
-/// How well stored depth and poses agree with the terrain through the other view: a pixel of A is lifted by its depth,
-/// projected into B, and B's ray there cast again; the distance, in pixels of A, between the pixel and the ground
-/// that B's ray meets. Pixels that B does not see are left out.
-///
-/// Correct data leave the rounding of the stored depth; half a pixel in K, range taken for depth or a flipped pose leave
-/// tenths of a pixel and more wherever the ground is not flat in the camera's frame.
-pub fn warp_errors_px(
-    tracer: &Tracer<'_>,
-    a: &Viewpoint,
-    depth_z: &[f32],
-    b: &Viewpoint,
-    stride: usize,
-) -> Vec<f64> {
-    let (width, stride) = (a.camera.width, stride.max(1));
-    let pixels: Vec<usize> =
-        (0..depth_z.len()).filter(|n| (n % width) % stride == 0 && (n / width) % stride == 0).collect();
-    pixels
-        .into_par_iter()
-        .filter_map(|n| {
-            let depth_z = f64::from(depth_z[n]);
-            if !depth_z.is_finite() {
-                return None;
-            }
-            let (x, y) = (n % width, n / width);
-            let point = a.origin() + a.direction(x, y)? * depth_z;
-            let at = b.project(&point)?;
-            if !in_frame(&b.camera, Some(at)) {
-                return None;
-            }
-            let ray = b.world_from_cam.vector(&b.camera.ray_z1(&at)?);
-            let Hit::Surface(hit) = tracer.first_hit(b.origin(), ray, 0.0, f64::INFINITY) else {
-                return None;
-            };
-            let back = a.project(&hit.point)?;
-            // Hidden ground is no error; a fault of the data moves far less than the occluder stands away.
-            let gsd = depth_z / a.camera.fx;
-            if hit.t * ray.norm() < (point - b.origin()).norm() - HIDDEN_GSDS * gsd {
-                return None;
-            }
-            Some((back - Point2::new(pixel::center_of(x), pixel::center_of(y))).norm())
-        })
-        .collect()
-}
-
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -34,6 +34,14 @@ pub enum Error {
         /// What it should have.
         expected: &'static str,
     },
+    /// A file of a pair that is not the one its record was written for.
+    #[error("`{}`: its checksum is not the one in pair.json ({num_bytes} bytes): changed or truncated", path.display())]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// Bytes in it.
+        num_bytes: usize,
+    },
     /// A campaign that cannot be read (TOML syntax, unknown key, wrong type).
     #[error("campaign: {what}")]
     Campaign {
@@ -122,6 +130,11 @@ pub enum Error {
 }
 
 impl Error {
+    /// A file that is not what its name says.
+    pub(crate) fn unexpected(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Format { path: path.to_owned(), expected: expected.into(), found: found.into() }
+    }
+
     /// Wraps a file-system error with the file it happened at.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_path_buf();

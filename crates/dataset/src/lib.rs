@@ -6,8 +6,8 @@
 pub mod augment;
 pub mod check;
 pub mod correspondence;
-pub mod covisibility;
-pub mod error;
+mod covisibility;
+mod error;
 pub mod export;
 mod font;
 pub mod generate;
@@ -20,6 +20,8 @@ pub mod rng;
 pub mod sample;
 pub mod sheet;
 pub mod split;
+pub mod stored;
+mod view_truth;
 
 pub use error::Error;
 

@@ -2,10 +2,10 @@
 
 use crate::Error;
 use crate::font;
-use crate::import::{StereoPair, StereoView, selenograph, stereolunar};
-use crate::pair::{Trajectory, list_pairs};
+use crate::pair::Trajectory;
+use crate::stored::{self, ReadOptions, StereoPair, StereoView, StoredPair};
 use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{PixelConvention, pixel};
+use selenograph_geometry::pixel;
 use selenograph_raster::codec::png;
 use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, resample, statistics};
@@ -43,12 +43,6 @@ pub struct Entry {
     pub pair: StereoPair,
 }
 
-/// Where the pairs of a sheet come from.
-enum Source {
-    Own(PathBuf),
-    Triplets(PathBuf, stereolunar::TripletPair),
-}
-
 /// Writes the pages `sheet_000.png`, … into a folder that exists, from a dataset of ours or from triplets, and
 /// returns their paths and what could not be shown.
 ///
@@ -59,8 +53,8 @@ pub fn write(
     out: &Path,
     options: &SheetOptions,
 ) -> Result<(Vec<PathBuf>, Vec<String>), Error> {
-    let sources = chosen(sources(folder)?, options.max_pairs.max(1));
-    if sources.is_empty() {
+    let pairs = chosen(stored::find(folder, ReadOptions::default())?, options.max_pairs.max(1));
+    if pairs.is_empty() {
         return Err(Error::Format {
             path: folder.to_owned(),
             expected: "pairs of a dataset or triplets".to_owned(),
@@ -68,10 +62,10 @@ pub fn write(
         });
     }
     let (mut paths, mut skipped) = (Vec::new(), Vec::new());
-    for group in sources.chunks(options.pairs_per_page.max(1)) {
+    for group in pairs.chunks(options.pairs_per_page.max(1)) {
         let mut entries = Vec::new();
-        for source in group {
-            match load(source) {
+        for pair in group {
+            match load(pair) {
                 Ok(entry) => entries.push(entry),
                 Err(error) => skipped.push(error.to_string()),
             }
@@ -87,18 +81,6 @@ pub fn write(
     Ok((paths, skipped))
 }
 
-fn sources(folder: &Path) -> Result<Vec<Source>, Error> {
-    let own = list_pairs(folder)?;
-    if !own.is_empty() {
-        return Ok(own.into_iter().map(|(_, path)| Source::Own(path)).collect());
-    }
-    let mut found = Vec::new();
-    for scene in stereolunar::scenes(folder)? {
-        found.extend(stereolunar::scan(&scene)?.into_iter().map(|p| Source::Triplets(scene.clone(), p)));
-    }
-    Ok(found)
-}
-
 /// At most `count` of a list, evenly spaced.
 fn chosen<T>(list: Vec<T>, count: usize) -> Vec<T> {
     let total = list.len();
@@ -106,27 +88,22 @@ fn chosen<T>(list: Vec<T>, count: usize) -> Vec<T> {
     list.into_iter().enumerate().filter(|(idx, _)| keep(*idx)).map(|(_, item)| item).collect()
 }
 
-fn load(source: &Source) -> Result<Entry, Error> {
-    match source {
-        Source::Own(folder) => {
-            let (pair, record) = selenograph::read_pair(folder)?;
-            let label = format!(
-                "{:06} {}  B/H {:.2}  rot {:.0}°  overlap {:.2}/{:.2}",
-                record.pair_id,
-                record.trajectory.map_or("", Trajectory::as_str),
-                record.baseline_over_height,
-                record.relative_rotation_deg,
-                record.overlap.a_in_b,
-                record.overlap.b_in_a
-            );
-            Ok(Entry { label, pair })
-        }
-        Source::Triplets(scene, triplets) => {
-            let (pair, _) = stereolunar::read_pair(triplets, PixelConvention::Corner)?;
-            let scene = scene.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-            Ok(Entry { label: format!("{scene}/{}", pair.views[0].name), pair })
-        }
-    }
+fn load(stored: &StoredPair) -> Result<Entry, Error> {
+    let open = stored.open()?;
+    let pair = open.stereo()?;
+    let label = match &open.record {
+        Some(record) => format!(
+            "{:06} {}  B/H {:.2}  rot {:.0}°  overlap {:.2}/{:.2}",
+            record.pair_id,
+            record.trajectory.map_or("", Trajectory::as_str),
+            record.baseline_over_height,
+            record.relative_rotation_deg,
+            record.overlap.a_in_b,
+            record.overlap.b_in_a
+        ),
+        None => format!("{}/{}", stored.place.name(), pair.views[0].name),
+    };
+    Ok(Entry { label, pair })
 }
 
 /// One page: a line of column names, then for each pair its label and a row of thumbnails.

@@ -5,10 +5,9 @@
 //! both, and listed.
 
 use crate::Error;
-use crate::import::RawView;
-use crate::import::selenograph::read_raw_view;
-use crate::pair::{PAIR_NAME, PairRecord, ViewName, list_pairs, read_json};
+use crate::pair::ViewName;
 use crate::rng::rng;
+use crate::stored::{self, OpenPair, RawView, ReadOptions};
 use nalgebra::Point3;
 use selenograph_geometry::{Body, Pole, Projection, pixel};
 use selenograph_render::{Hit, Tracer, Viewpoint};
@@ -214,16 +213,30 @@ const FOOTPRINT_STEP: usize = 16;
 pub fn footprints(dataset: &Path) -> Result<Vec<Footprint>, Error> {
     let mut map = None;
     let mut found = Vec::new();
-    for (pair_id, folder) in list_pairs(dataset)? {
-        let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
-        let map = map.get_or_insert_with(|| map_for(&record.body, record.site.latitude_deg));
+    for stored in stored::own(dataset, ReadOptions::default())? {
+        let pair = stored.open()?;
+        let map = match map {
+            Some(map) => map,
+            None => *map.insert(map_of(&pair)?),
+        };
         let mut bounds = Bounds::default();
         for view in ViewName::BOTH {
-            bounds.add_view(&read_raw_view(&folder, view)?.0, map)?;
+            bounds.add_view(&pair.raw_view(view)?, &map)?;
         }
-        found.extend(bounds.footprint(pair_id));
+        found.extend(bounds.footprint(stored.pair_id));
     }
     Ok(found)
+}
+
+/// A map near a pair's ground.
+pub(crate) fn map_of(pair: &OpenPair<'_>) -> Result<Projection, Error> {
+    if let Some(record) = &pair.record {
+        return Ok(map_for(&record.body, record.site.latitude_deg));
+    }
+    // Triplets do not name their body.
+    let body = Body::moon();
+    let position = pair.raw_view(ViewName::A)?.world_from_cam.fixed_view::<3, 1>(0, 3).into_owned();
+    Ok(map_for(&body, body.place(&position.into()).lat_rad.to_degrees()))
 }
 
 /// The rectangle round points on a map.

@@ -5,7 +5,7 @@
 mod goldens;
 
 use goldens::Golden;
-use selenograph_dataset::augment::{Augmentation, Draft, Fidelity, Turn, rescale};
+use selenograph_dataset::augment::{Augmentation, Fidelity, Turn, UndevelopedView, rescale};
 use selenograph_dataset::correspondence::{MatchPool, Sighted};
 use selenograph_dataset::loader::{Loader, LoaderOptions, Mixture, Source};
 use selenograph_dataset::pair::ViewName;
@@ -52,12 +52,12 @@ fn shared_windows_become_turned_cameras() {
     }
 }
 
-/// The three channels of a picture as drafts with the same camera and truth.
-fn channels(golden: &Golden) -> [Draft; 3] {
-    std::array::from_fn(|channel| Draft {
+/// The three channels of a picture as views with the same camera and truth.
+fn channels(golden: &Golden) -> [UndevelopedView; 3] {
+    std::array::from_fn(|channel| UndevelopedView {
         levels: golden.channel("aug.rgb_u8", channel),
         camera: golden.camera("aug.K", 96, 80),
-        truth: Some(golden.truth("aug.depth", "aug.pose")),
+        truth: golden.truth("aug.depth", "aug.pose"),
     })
 }
 
@@ -70,14 +70,14 @@ const DEPTH_Z: f32 = 1e-6;
 fn shared_window_of_one_view() {
     let Some(golden) = goldens::open("aug_crop of one view", "preprocess.safetensors") else { return };
     let window: [f64; 4] = golden.get("aug.crop").try_into().unwrap();
-    for (channel, draft) in channels(&golden).iter().enumerate() {
-        let turn = Turn::onto(&draft.camera, window, [64, 48], Fidelity::Published).unwrap();
-        let view = turn.apply(draft);
+    for (channel, view) in channels(&golden).iter().enumerate() {
+        let turn = Turn::onto(&view.camera, window, [64, 48], Fidelity::Published).unwrap();
+        let view = turn.apply(view);
         let expected = golden.channel("aug.out_rgb_u8", channel);
         let worst =
             view.levels.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst <= LEVELS, "{worst}");
-        let truth = view.truth.unwrap();
+        let truth = view.truth;
         let expected = golden.truth("aug.out_depth", "aug.out_pose");
         for (z, expected) in truth.depth_z.data.iter().zip(&expected.depth_z.data) {
             assert!(z.is_nan() && expected.is_nan() || (z - expected).abs() < DEPTH_Z, "{z} {expected}");
@@ -91,14 +91,14 @@ fn shared_window_of_one_view() {
 #[test]
 fn shared_rescaling() {
     let Some(golden) = goldens::open("rescale_image_depthmap", "preprocess.safetensors") else { return };
-    for (channel, draft) in channels(&golden).into_iter().enumerate() {
-        let view = rescale::cover(draft, [64, 48], Fidelity::Published).unwrap();
+    for (channel, view) in channels(&golden).into_iter().enumerate() {
+        let view = rescale::cover(view, [64, 48], Fidelity::Published).unwrap();
         let expected = golden.channel("rescale.rgb_u8", channel);
         assert_eq!((view.levels.width, view.levels.height), (64, 53));
         let worst =
             view.levels.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst <= LEVELS, "{worst}");
-        assert_eq!(view.truth.unwrap().depth_z.data, golden.raster("rescale.depth").data);
+        assert_eq!(view.truth.depth_z.data, golden.raster("rescale.depth").data);
         assert!((view.camera.k(PixelConvention::Center) - golden.matrix("rescale.K")).amax() < STORED);
     }
 }
@@ -118,7 +118,7 @@ fn shared_pairs_of_the_paper_are_learned_from() {
         let batch = Loader::start(mixture, 0).unwrap().next_batch().unwrap();
         for pair in &batch.pairs {
             assert_eq!((pair.views[0].rgb.width, pair.matches.valid.len()), (512, 8192));
-            let [of_a, of_b] = ViewName::BOTH.map(|view| pair.points(view, ViewName::A).unwrap());
+            let [of_a, of_b] = ViewName::BOTH.map(|view| pair.points(view, ViewName::A));
             let at = |points: &[[f32; 3]], [x, y]: [u32; 2]| points[(x + 512 * y) as usize];
             let gsds = pair.matches.valid.iter().enumerate().filter(|(_, valid)| **valid).map(|(n, _)| {
                 let (a, b) = (at(&of_a, pair.matches.a[n]), at(&of_b, pair.matches.b[n]));
@@ -129,7 +129,7 @@ fn shared_pairs_of_the_paper_are_learned_from() {
             let median = statistics::median(gsds).unwrap();
             assert!(median < 1.5, "{median}");
             // The farthest two percent, and in some windows a rim beyond the picture.
-            let truth = pair.views[0].truth.as_ref().unwrap();
+            let truth = &pair.views[0].truth;
             let absent = truth.depth_z.data.iter().filter(|z| z.is_nan()).count() as f64 / 512.0 / 512.0;
             assert!(if is_published { (0.0..0.1).contains(&absent) } else { absent < 0.01 }, "{absent}");
         }

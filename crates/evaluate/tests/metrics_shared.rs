@@ -1,10 +1,9 @@
 //! Ceilings and floors of the sample pairs, against those measured by other programs.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use selenograph_dataset::import::stereolunar;
+use selenograph_dataset::stored::{self, ReadOptions};
 use selenograph_evaluate::pair_metrics::{PreparedTruth, Promise, Settings};
 use selenograph_evaluate::truth::{Precision, TruthPair};
-use selenograph_geometry::PixelConvention;
 use selenograph_raster::Raster;
 use selenograph_reconstruct::{Fill, PredictedView, Prediction};
 use std::path::{Path, PathBuf};
@@ -36,38 +35,35 @@ fn truth_itself(truth: &TruthPair) -> Prediction {
 fn shared_sample_pairs_have_their_ceilings_and_floors() {
     let root = shared().join("data/stereolunar");
     let mut num_compared = 0;
-    for scene in stereolunar::scenes(&root).unwrap_or_default() {
-        for triplets in stereolunar::scan(&scene).unwrap() {
-            let (pair, _) = stereolunar::read_pair(&triplets, PixelConvention::Corner).unwrap();
-            let truth = TruthPair::from_stereo_pair(&pair);
-            assert!(truth.views.iter().all(|view| view.precision == Precision::Half));
-            let prepared = PreparedTruth::new(&truth, &Settings::paper()).unwrap();
-            let metrics = prepared.measure(&truth_itself(&truth), Promise::MetricPoints).unwrap();
-            let full = &metrics.full.numbers;
-            // `protocol.md` §d.6 over 18 views: 0.46-0.70, 0.85-0.98 and (3 views) 0.987-0.995.
-            let ceilings =
-                [full.slope_corr_code_ceiling, full.slope_corr_gsd_ceiling, full.slope_corr_normals_ceiling];
-            let ceilings = ceilings.map(Option::unwrap);
-            for (found, (low, high)) in ceilings.into_iter().zip([(0.42, 0.74), (0.83, 0.99), (0.97, 0.999)])
-            {
-                assert!(found > low && found < high, "{} {ceilings:?}", scene.display());
-            }
-            // The floor of 10 000 points: 118 m on a nadir pair to 195 m on a dynamic one, 0.36-0.47 % of the distance.
-            let floor = full.chamfer_10k_floor_pct_depth_z.unwrap();
-            assert!(floor > 0.3 && floor < 0.6, "{} {floor}", scene.display());
-            assert!((full.chamfer_10k_m.unwrap() / full.chamfer_10k_floor_m.unwrap() - 1.0).abs() < 1e-3);
-            assert!(full.point_error_unaligned_m.unwrap() < 0.05 && full.chamfer_m.unwrap() < 0.05);
-            println!(
-                "{}: covisible {:.3} {:.3}, ceilings {ceilings:?} true {:?}, floor {:?} m, plane {:?}",
-                scene.file_name().unwrap().to_string_lossy(),
-                metrics.numbers.covisible_share_a.unwrap(),
-                metrics.numbers.covisible_share_b.unwrap(),
-                full.slope_corr_true_ceiling,
-                full.chamfer_10k_floor_m,
-                full.point_error_plane_rel,
-            );
-            num_compared += 1;
+    for stored in stored::find(&root, ReadOptions::default()).unwrap_or_default() {
+        let pair = stored.open().unwrap().stereo().unwrap();
+        let truth = TruthPair::from_stereo_pair(&pair);
+        assert!(truth.views.iter().all(|view| view.precision == Precision::Half));
+        let prepared = PreparedTruth::new(&truth, &Settings::paper()).unwrap();
+        let metrics = prepared.measure(&truth_itself(&truth), Promise::MetricPoints).unwrap();
+        let full = &metrics.full.numbers;
+        // `protocol.md` §d.6 over 18 views: 0.46-0.70, 0.85-0.98 and (3 views) 0.987-0.995.
+        let ceilings =
+            [full.slope_corr_code_ceiling, full.slope_corr_gsd_ceiling, full.slope_corr_normals_ceiling];
+        let ceilings = ceilings.map(Option::unwrap);
+        for (found, (low, high)) in ceilings.into_iter().zip([(0.42, 0.74), (0.83, 0.99), (0.97, 0.999)]) {
+            assert!(found > low && found < high, "{} {ceilings:?}", stored.name);
         }
+        // The floor of 10 000 points: 118 m on a nadir pair to 195 m on a dynamic one, 0.36-0.47 % of the distance.
+        let floor = full.chamfer_10k_floor_pct_depth_z.unwrap();
+        assert!(floor > 0.3 && floor < 0.6, "{} {floor}", stored.name);
+        assert!((full.chamfer_10k_m.unwrap() / full.chamfer_10k_floor_m.unwrap() - 1.0).abs() < 1e-3);
+        assert!(full.point_error_unaligned_m.unwrap() < 0.05 && full.chamfer_m.unwrap() < 0.05);
+        println!(
+            "{}: covisible {:.3} {:.3}, ceilings {ceilings:?} true {:?}, floor {:?} m, plane {:?}",
+            stored.name,
+            metrics.numbers.covisible_share_a.unwrap(),
+            metrics.numbers.covisible_share_b.unwrap(),
+            full.slope_corr_true_ceiling,
+            full.chamfer_10k_floor_m,
+            full.point_error_plane_rel,
+        );
+        num_compared += 1;
     }
     if num_compared == 0 {
         println!("SKIP shared-data: no sample pairs in {}", root.display());

@@ -77,12 +77,12 @@ fn view(width: usize, height: usize, offset_m: f64, stream: &mut Stream) -> Trai
     TrainingView {
         rgb: Raster::from_fn(width, height, |_, _| [0, 1, 2].map(|_| stream.index(256) as u8)),
         camera: Camera::from_fov(width, height, 1.0).unwrap(),
-        truth: Some(ViewTruth {
+        truth: ViewTruth {
             depth_z: Raster::from_fn(width, height, |x, y| {
                 100.0 + 5.0 * (0.02 * x as f32).sin() * (0.03 * y as f32).cos()
             }),
             world_from_cam,
-        }),
+        },
     }
 }
 

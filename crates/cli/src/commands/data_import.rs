@@ -6,7 +6,8 @@ use crate::args::data::{Import, Suns};
 use crate::exit::Outcome;
 use crate::target::Draft;
 use crate::ui::Ui;
-use selenograph_dataset::import::dataset::{ImportOptions, ImportedSuns, import_dataset};
+use selenograph_dataset::import::{ImportOptions, import_dataset};
+use selenograph_dataset::pair::ImportedSuns;
 
 /// Imports; what is left out is listed, with exit code 3.
 ///

@@ -18,6 +18,7 @@ use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_dataset::generate::{Existing, Options, Shard};
 use selenograph_dataset::plan::Campaign;
+use selenograph_dataset::stored::{self, ReadOptions};
 use selenograph_raster::codec::{Picture as Raw, png};
 use selenograph_reconstruct::pipeline::Method;
 use selenograph_render::Tracer;
@@ -120,12 +121,12 @@ fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
 /// Terrain from the pictures of the first pair under its first light: cameras, the place of A and the distance to B are known, the
 /// pose of B is not.
 fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
-    let pair = first_pair(&folder.join("dataset/pairs"))?;
-    let record: serde_json::Value = serde_json::from_slice(&std::fs::read(pair.join("pair.json"))?)?;
-    let at = |name: &str| Some(pair.join(name));
+    let pairs = stored::own(&folder.join("dataset"), ReadOptions::default())?;
+    let pair = pairs.first().context("the dataset holds no pair")?;
+    let at = |name: &str| Some(pair.place.path(name));
     let args = Reconstruct {
-        a: pair.join("a.l0.png"),
-        b: pair.join("b.l0.png"),
+        a: pair.place.path("a.l0.png"),
+        b: pair.place.path("b.l0.png"),
         cameras: Cameras {
             camera_a: at("a.camera.json"),
             camera_b: at("b.camera.json"),
@@ -133,7 +134,7 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         },
         known: Known {
             world_from_cam_a: at("a.camera.json"),
-            baseline_m: record["baseline_m"].as_f64(),
+            baseline_m: pair.open()?.record.map(|record| record.baseline_m),
             ..Known::default()
         },
         method: Method::Stereo,
@@ -145,17 +146,6 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         target: Target { out: folder.join("reconstruction"), force: false },
     };
     reconstruct::run(&args, ui)
-}
-
-/// The first folder of a pair below `pairs/<thousand>/`.
-fn first_pair(pairs: &Path) -> anyhow::Result<PathBuf> {
-    let first = |folder: &Path| -> anyhow::Result<PathBuf> {
-        let entries =
-            std::fs::read_dir(folder).with_context(|| format!("cannot read `{}`", folder.display()))?;
-        let paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
-        paths.into_iter().min().with_context(|| format!("`{}` is empty", folder.display()))
-    };
-    first(&first(pairs)?)
 }
 
 /// Records tell where files are: after the move, not before.

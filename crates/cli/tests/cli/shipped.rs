@@ -88,7 +88,7 @@ fn what_is_scored_is_what_ships() {
     place.run("evaluate dataset -m stereo,mast3r-stereo --limit 1 --out scores -q").ok();
     let source = Source::open(&place.path("dataset"), &Choice::default()).unwrap();
     let pair = LoadedPair::read(&source.entries[0], &source.pixels).unwrap();
-    let truth = PreparedTruth::new(&pair.geometry.truth(), &Settings::default()).unwrap();
+    let truth = PreparedTruth::new(&pair.truth, &Settings::default()).unwrap();
     let folder = "dataset/pairs/000/000000";
     for method in ["stereo", "mast3r-stereo"] {
         let scored = lines(&place.path(&format!("scores/{method}/metrics.jsonl")));

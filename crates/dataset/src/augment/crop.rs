@@ -1,12 +1,13 @@
 //! A window of a view as a camera of its own would see it: turned about its centre so that the principal point stays in the
 //! middle of the picture.
 
-use super::{Draft, Fidelity, warp};
+use super::view::{Fidelity, UndevelopedView};
+use super::warp;
 use crate::correspondence::{MatchPool, Sighted};
 use crate::rng::Stream;
 use crate::sample::ViewTruth;
 use nalgebra::{Matrix3, Point3, Rotation3, Vector2, Vector3};
-use selenograph_geometry::{Cam, Camera, Rigid3};
+use selenograph_geometry::{Camera, Rigid3};
 use selenograph_raster::resample::pillow::{self, Filter};
 use serde::{Deserialize, Serialize};
 
@@ -127,41 +128,38 @@ impl Turn {
     }
 
     /// The view that the turned camera has.
-    pub fn apply(&self, draft: &Draft) -> Draft {
+    pub fn apply(&self, view: &UndevelopedView) -> UndevelopedView {
         let target = [self.camera.width, self.camera.height];
-        let (smooth, scale) = self.smoothed(draft);
-        let truth = draft.truth.as_ref().map(|truth| ViewTruth {
+        let (smooth, scale) = self.smoothed(view);
+        let turned = Rigid3::new(Rotation3::from_matrix_unchecked(self.old_from_new), Point3::origin());
+        let truth = ViewTruth {
             depth_z: warp::depth_z(
-                &draft.camera,
-                truth,
+                &view.camera,
+                &view.truth,
                 &self.source_from_target,
                 &self.old_from_new.column(2).into_owned(),
                 target,
                 self.fidelity,
             ),
-            world_from_cam: &truth.world_from_cam
-                * &Rigid3::<Cam, Cam>::new(
-                    Rotation3::from_matrix_unchecked(self.old_from_new),
-                    Point3::origin(),
-                ),
-        });
+            world_from_cam: &view.truth.world_from_cam * &turned,
+        };
         let levels = warp::picture(
-            smooth.as_ref().unwrap_or(&draft.levels),
+            smooth.as_ref().unwrap_or(&view.levels),
             &(scale * self.source_from_target),
             target,
             self.fidelity,
         );
-        Draft { levels, camera: self.camera.clone(), truth }
+        UndevelopedView { levels, camera: self.camera.clone(), truth }
     }
 
     /// The picture at the size at which the window has about as many pixels as the target, if it has many more, and its pixels
     /// from the old ones.
-    fn smoothed(&self, draft: &Draft) -> (Option<selenograph_raster::Raster<f32>>, Matrix3<f64>) {
-        let reduction = (draft.camera.fx / self.camera.fx).min(draft.camera.fy / self.camera.fy);
+    fn smoothed(&self, view: &UndevelopedView) -> (Option<selenograph_raster::Raster<f32>>, Matrix3<f64>) {
+        let reduction = (view.camera.fx / self.camera.fx).min(view.camera.fy / self.camera.fy);
         if self.fidelity == Fidelity::Published || reduction <= MAX_REDUCTION {
             return (None, Matrix3::identity());
         }
-        let (old, side) = (&draft.levels, |side: usize| (side as f64 / reduction).round());
+        let (old, side) = (&view.levels, |side: usize| (side as f64 / reduction).round());
         let (width, height) = (side(old.width).max(1.0), side(old.height).max(1.0));
         let smooth = pillow::resize_float(old, width as usize, height as usize, Filter::Lanczos);
         let scale = Vector3::new(width / old.width as f64, height / old.height as f64, 1.0);
@@ -196,10 +194,10 @@ fn trials(size: [usize; 2], target: [usize; 2], stream: &mut Stream) -> [[f64; 4
     })
 }
 
-/// The two windows with the most matches between them, of several drawn in each view; the first two without truth.
-pub fn choose(drafts: [&Draft; 2], target: [usize; 2], stream: &mut Stream) -> [[f64; 4]; 2] {
-    let windows = drafts.map(|draft| trials([draft.camera.width, draft.camera.height], target, stream));
-    let [Some(a), Some(b)] = drafts.map(Draft::sighted) else { return [windows[0][0], windows[1][0]] };
+/// The two windows with the most matches between them, of several drawn in each view; the first two where there are none.
+pub fn choose(views: [&UndevelopedView; 2], target: [usize; 2], stream: &mut Stream) -> [[f64; 4]; 2] {
+    let windows = views.map(|view| trials([view.camera.width, view.camera.height], target, stream));
+    let [a, b] = views.map(UndevelopedView::sighted);
     let pool = MatchPool::reciprocal(a, b);
     let mut counts = [[0usize; NUM_TRIALS]; NUM_TRIALS];
     for pair in &pool.positives {

@@ -3,46 +3,24 @@
 //! Geometry comes first and moves picture, depth, camera and pose in one step; levels follow. Every draw is derived from
 //! the seed and the sample's position, so that any sample can be made again.
 
-pub mod crop;
-pub mod photometric;
-pub mod physical;
+mod crop;
+mod photometric;
+mod physical;
 pub mod rescale;
+mod view;
 mod warp;
 
 pub use crop::{Turn, Windows};
 pub use photometric::Photometric;
 pub use physical::Physical;
+pub use view::{Fidelity, UndevelopedView};
 
 use crate::Error;
-use crate::correspondence::Sighted;
 use crate::plan::Interval;
 use crate::plan::interval::check_number;
 use crate::rng::{Stream, rng};
-use crate::sample::{TrainingView, ViewTruth};
-use selenograph_geometry::{Camera, PixelConvention};
-use selenograph_raster::Raster;
+use crate::sample::TrainingView;
 use serde::{Deserialize, Serialize};
-
-/// Whether geometry is the reference's, or right.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Fidelity {
-    /// As the published networks were trained: nearest depths, bytes between steps, windows half a pixel off.
-    Published,
-    /// Pixels, depths and cameras agree to a fraction of a pixel.
-    #[default]
-    Exact,
-}
-
-impl Fidelity {
-    /// Where a window's principal point is measured from.
-    pub(crate) fn convention(self) -> PixelConvention {
-        match self {
-            Self::Published => PixelConvention::Center,
-            Self::Exact => PixelConvention::Corner,
-        }
-    }
-}
 
 /// Which of a pair's lights its two views are taken under.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -138,53 +116,53 @@ impl Augmentation {
     /// [`Error::Geometry`] for sizes and cameras that cannot be.
     pub fn reshape(
         &self,
-        mut drafts: [Draft; 2],
+        mut views: [UndevelopedView; 2],
         is_shaped: bool,
         target: [usize; 2],
         seed: u64,
         position: u64,
-    ) -> Result<([Draft; 2], bool), Error> {
+    ) -> Result<([UndevelopedView; 2], bool), Error> {
         if let Some(quantile) = self.far_quantile {
-            drafts.iter_mut().for_each(|draft| draft.drop_far(quantile));
+            views.iter_mut().for_each(|view| view.drop_far(quantile));
         }
         let is_copy = rng(seed, "sample", position, "monocular").unit() < self.monocular_share;
         if !is_shaped {
             let mut stream = rng(seed, "sample", position, "windows");
             let windows = match self.windows {
-                Windows::Matched => crop::choose([&drafts[0], &drafts[1]], target, &mut stream).map(Some),
+                Windows::Matched => crop::choose([&views[0], &views[1]], target, &mut stream).map(Some),
                 Windows::Middle => [None; 2],
             };
-            let shape = |draft, view: usize, purpose| {
-                self.reshape_view(draft, windows[view], target, rng(seed, "sample", position, purpose))
+            let shape = |view, n: usize, purpose| {
+                self.reshape_view(view, windows[n], target, rng(seed, "sample", position, purpose))
             };
-            let [a, b] = drafts;
+            let [a, b] = views;
             let a = shape(a, 0, "roll a")?;
-            drafts = [a, if is_copy { b } else { shape(b, 1, "roll b")? }];
+            views = [a, if is_copy { b } else { shape(b, 1, "roll b")? }];
         }
         if is_copy {
-            drafts[1] = drafts[0].clone();
+            views[1] = views[0].clone();
         }
-        Ok((drafts, is_copy))
+        Ok((views, is_copy))
     }
 
     fn reshape_view(
         &self,
-        draft: Draft,
+        view: UndevelopedView,
         window: Option<[f64; 4]>,
         target: [usize; 2],
         mut stream: Stream,
-    ) -> Result<Draft, Error> {
+    ) -> Result<UndevelopedView, Error> {
         let roll_rad = self.roll_rad(&mut stream);
         if window.is_none() && roll_rad.is_none() {
-            return rescale::middle(&rescale::cover(draft, target, self.fidelity)?, target);
+            return rescale::middle(&rescale::cover(view, target, self.fidelity)?, target);
         }
-        let window = window.unwrap_or_else(|| draft.middle_window(target));
-        let turn = Turn::onto(&draft.camera, window, target, self.fidelity)?;
+        let window = window.unwrap_or_else(|| view.middle_window(target));
+        let turn = Turn::onto(&view.camera, window, target, self.fidelity)?;
         let turn = match roll_rad {
-            Some(angle) => turn.rolled(&draft.camera, angle)?,
+            Some(angle) => turn.rolled(&view.camera, angle)?,
             None => turn,
         };
-        Ok(turn.apply(&draft))
+        Ok(turn.apply(&view))
     }
 
     /// The angle that a view is rolled by, if it is.
@@ -194,8 +172,8 @@ impl Augmentation {
     }
 
     /// The levels of a finished view as a network is given them; `which` names the view's draws.
-    pub fn develop(&self, draft: Draft, seed: u64, position: u64, which: &str) -> TrainingView {
-        let mut levels = draft.levels;
+    pub fn develop(&self, view: UndevelopedView, seed: u64, position: u64, which: &str) -> TrainingView {
+        let mut levels = view.levels;
         if let Some(physical) = &self.physical {
             levels = physical.apply(&levels, &mut rng(seed, "sample", position, &format!("camera {which}")));
         }
@@ -204,45 +182,7 @@ impl Augmentation {
         if let Some(photometric) = &self.photometric {
             bytes = photometric.apply(bytes, &mut rng(seed, "sample", position, &format!("levels {which}")));
         }
-        TrainingView { rgb: bytes.map(|level| [*level; 3]), camera: draft.camera, truth: draft.truth }
-    }
-}
-
-/// A view on its way.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Draft {
-    /// Grey levels, 255 at full scale; not yet whole, and above full scale where a picture clips.
-    pub levels: Raster<f32>,
-    /// The camera of these pixels, without lens distortion.
-    pub camera: Camera,
-    /// Depth and pose, where they are known.
-    pub truth: Option<ViewTruth>,
-}
-
-impl Draft {
-    /// Camera and truth, where there is one.
-    pub fn sighted(&self) -> Option<Sighted<'_>> {
-        self.truth.as_ref().map(|truth| Sighted { camera: &self.camera, truth })
-    }
-
-    /// Takes depths above a quantile of them as not known.
-    fn drop_far(&mut self, quantile: f64) {
-        let Some(truth) = &mut self.truth else { return };
-        let depths = truth.depth_z.data.iter().map(|z| f64::from(*z));
-        if let Some([far]) = selenograph_raster::statistics::quantiles(depths, [quantile]) {
-            for z in truth.depth_z.data.iter_mut().filter(|z| z.is_finite() && f64::from(**z) > far) {
-                *z = f32::NAN;
-            }
-        }
-    }
-
-    /// The largest window of a target's proportions, in the middle.
-    fn middle_window(&self, target: [usize; 2]) -> [f64; 4] {
-        let (width, height) = (self.camera.width as f64, self.camera.height as f64);
-        let fit = (width / target[0] as f64).min(height / target[1] as f64);
-        let [w, h] = target.map(|side| side as f64 * fit);
-        let (left, top) = ((width - w) / 2.0, (height - h) / 2.0);
-        [left, top, left + w, top + h]
+        TrainingView { rgb: bytes.map(|level| [*level; 3]), camera: view.camera, truth: view.truth }
     }
 }
 

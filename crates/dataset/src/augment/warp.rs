@@ -1,6 +1,6 @@
 //! Pictures and depths seen through a homography.
 
-use super::Fidelity;
+use super::view::Fidelity;
 use crate::sample::ViewTruth;
 use nalgebra::{Matrix3, Point2, Vector3};
 use selenograph_geometry::{Camera, pixel};

@@ -1,15 +1,32 @@
 //! The files of one pair: are they there, whole, and the same under each light?
 
-use super::CheckOptions;
 use super::geometry::{self, GeometryCheck};
 use super::numbers::PairNumbers;
 use super::principal_point::Evidence;
 use super::report::{Code, Finding, Severity};
 use crate::Error;
-use crate::import::stereolunar::{Triplet, TripletPair};
-use crate::import::{RawView, selenograph, stereolunar};
-use crate::pair::{PAIR_NAME, PairRecord, ViewName, image_name, read_json};
+use crate::pair::{PAIR_NAME, ViewName, image_name};
+use crate::stored::triplets::{read_geometry, read_picture};
+use crate::stored::{Layout, OpenPair, RawView, StoredPair, Triplet, TripletPair};
+use selenograph_geometry::{Body, PixelConvention};
 use std::path::Path;
+
+/// How to check.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckOptions {
+    /// The body of triplets, whose files do not name one.
+    pub body: Body,
+    /// What the triplets' camera matrices are taken for; the fit then says whether that is so.
+    pub k_convention: PixelConvention,
+    /// Every this many pixels across and down are warped.
+    pub step: usize,
+}
+
+impl Default for CheckOptions {
+    fn default() -> Self {
+        Self { body: Body::moon(), k_convention: PixelConvention::Corner, step: 2 }
+    }
+}
 
 /// Everything known of one pair.
 #[derive(Debug, Default)]
@@ -33,35 +50,41 @@ impl PairCheck {
 }
 
 fn broken(place: &Path, error: &Error) -> Finding {
-    let missing = matches!(error, Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
-        || matches!(error, Error::Raster(selenograph_raster::Error::Io { source, .. })
-            if source.kind() == std::io::ErrorKind::NotFound);
+    let missing = matches!(error, Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound);
     let code = if missing { Code::MissingFile } else { Code::BrokenFile };
     Finding::new(Severity::Error, code, place.display().to_string(), error.to_string())
         .hint("copy or render the file again; a truncated one reads as corrupt")
 }
 
-/// Checks one pair of our own layout.
-pub fn check_own(pair_id: u64, folder: &Path, options: &CheckOptions) -> PairCheck {
-    let mut check = PairCheck::default();
-    let name = format!("{pair_id:06}");
-    let record: PairRecord = match read_json(&folder.join(PAIR_NAME)) {
-        Ok(record) => record,
+/// Checks one pair.
+pub fn check_pair(stored: &StoredPair, options: &CheckOptions) -> PairCheck {
+    let open = match stored.open() {
+        Ok(open) => open,
         Err(error) => {
-            check.findings.push(broken(&folder.join(PAIR_NAME), &error));
-            return check;
+            let findings = vec![broken(&stored.place.path(PAIR_NAME), &error)];
+            return PairCheck { findings, ..PairCheck::default() };
         }
     };
-    check_sums(folder, &record, &mut check);
+    match &stored.layout {
+        Layout::Own => check_own(stored, &open, options),
+        Layout::Triplets(pair) => check_triplets(stored, pair, options),
+    }
+}
+
+/// Checks one pair of our own layout.
+fn check_own(stored: &StoredPair, open: &OpenPair<'_>, options: &CheckOptions) -> PairCheck {
+    let mut check = PairCheck::default();
+    let name = format!("{:06}", stored.pair_id);
+    check_sums(open, &mut check);
     for view in ViewName::BOTH {
-        for light_idx in 0..record.suns.len() {
-            check.num_images += usize::from(folder.join(image_name(view, light_idx)).is_file());
+        for light in open.lights() {
+            check.num_images += usize::from(stored.place.has(&image_name(view, light as usize)));
         }
     }
     let mut views: Vec<RawView> = Vec::new();
     for view in ViewName::BOTH {
-        match selenograph::read_raw_view(folder, view) {
-            Ok((raw, _)) => {
+        match open.raw_view(view) {
+            Ok(raw) => {
                 let place = format!("{name} {}", view.as_str());
                 check.findings.extend(geometry::check_depth(&raw, &place, f32::NAN));
                 views.push(raw);
@@ -70,57 +93,53 @@ pub fn check_own(pair_id: u64, folder: &Path, options: &CheckOptions) -> PairChe
                 let already_told =
                     check.findings.iter().any(|f| f.severity == Severity::Error && f.place.contains(&name));
                 if !already_told {
-                    check.findings.push(broken(folder, &error));
+                    check.findings.push(broken(stored.place.root(), &error));
                 }
             }
         }
     }
-    if let [a, b] = views.as_slice() {
+    if let ([a, b], Some(record)) = (views.as_slice(), &open.record) {
         check.add_geometry(geometry::check_pair(&name, [a, b], &record.body, options.step));
     }
     check
 }
 
 /// Compares every file with the checksum written beside it.
-fn check_sums(folder: &Path, record: &PairRecord, check: &mut PairCheck) {
-    for (file, sum) in &record.files {
-        let path = folder.join(file);
-        let finding = match std::fs::read(&path) {
-            Err(source) => broken(&path, &Error::Io { action: "read", path: path.clone(), source }),
-            Ok(bytes) if blake3::hash(&bytes).to_hex().as_str() != sum => Finding::new(
+fn check_sums(open: &OpenPair<'_>, check: &mut PairCheck) {
+    let files = open.files_to_verify();
+    for file in files.sums.iter().flat_map(|sums| sums.keys()) {
+        let Err(error) = files.read(file) else { continue };
+        let path = files.place.path(file);
+        check.findings.push(match &error {
+            Error::Changed { num_bytes, .. } => Finding::new(
                 Severity::Error,
                 Code::ChangedFile,
                 path.display().to_string(),
                 format!(
-                    "its checksum is not the one in {PAIR_NAME} ({} bytes): changed or truncated",
-                    bytes.len()
+                    "its checksum is not the one in {PAIR_NAME} ({num_bytes} bytes): changed or truncated"
                 ),
             )
             .hint("delete the pair's folder and resume `generate`: it is rendered again"),
-            Ok(_) => continue,
-        };
-        check.findings.push(finding);
+            _ => broken(&path, &error),
+        });
     }
 }
 
 /// Checks one pair of triplets.
-pub fn check_triplets(scene: &Path, pair: &TripletPair, options: &CheckOptions) -> PairCheck {
+fn check_triplets(stored: &StoredPair, pair: &TripletPair, options: &CheckOptions) -> PairCheck {
     let mut check = PairCheck::default();
-    let scene_name = scene.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    check_presence(scene, pair, &mut check);
+    check_presence(stored, pair, &mut check);
     let mut views = Vec::new();
     let mut first_stem = None;
-    for view_idx in 0..2 {
-        let triplets: Vec<&Triplet> =
-            pair.lights.values().filter_map(|light| light[view_idx].as_ref()).collect();
-        first_stem = first_stem.or(triplets.first().map(|triplet| triplet.stem.clone()));
-        if let Some(raw) = check_lights(&triplets, options, &mut check) {
+    for view in ViewName::BOTH {
+        first_stem = first_stem.or(pair.triplets(view).next().map(|triplet| triplet.stem.clone()));
+        if let Some(raw) = check_lights(stored, pair, view, options, &mut check) {
             let place = raw.path.display().to_string();
             check.findings.extend(geometry::check_depth(&raw, &place, f32::INFINITY));
             views.push(raw);
         }
     }
-    let name = format!("{scene_name}/{}", first_stem.unwrap_or_default());
+    let name = format!("{}/{}", stored.place.name(), first_stem.unwrap_or_default());
     if let [a, b] = views.as_slice() {
         check.add_geometry(geometry::check_pair(&name, [a, b], &options.body, options.step));
     }
@@ -128,25 +147,25 @@ pub fn check_triplets(scene: &Path, pair: &TripletPair, options: &CheckOptions) 
 }
 
 /// Every light needs both views, and every view three files.
-fn check_presence(scene: &Path, pair: &TripletPair, check: &mut PairCheck) {
-    let pose_donor = |view_idx: usize| {
-        let mut views = pair.lights.values().filter_map(|light| light[view_idx].as_ref());
-        views.find(|triplet| triplet.npz.is_some()).map(|triplet| triplet.stem.clone())
+fn check_presence(stored: &StoredPair, pair: &TripletPair, check: &mut PairCheck) {
+    let pose_donor = |view: ViewName| {
+        let donor = pair.triplets(view).find(|triplet| triplet.npz.is_some());
+        donor.map(|triplet| triplet.stem.clone())
     };
-    for (light_idx, light) in &pair.lights {
-        for (view_idx, triplet) in light.iter().enumerate() {
+    let path = |file: &str| stored.place.path(file).display().to_string();
+    for (light, views) in &pair.lights {
+        for (view, triplet) in ViewName::BOTH.into_iter().zip(views) {
             let Some(triplet) = triplet else {
-                let number = 2 * (pair.pair_id * stereolunar::LIGHTS_PER_PAIR + light_idx) + view_idx as u64;
-                let place = scene.join(stereolunar::stem(number)).display().to_string();
+                let place = path(&pair.stem(*light, view));
                 let message = "the other view of this light is here, this one is not";
                 check.findings.push(Finding::new(Severity::Error, Code::MissingFile, place, message));
                 continue;
             };
             check.num_images += usize::from(triplet.jpg.is_some());
             for extension in triplet.missing() {
-                let place = scene.join(format!("{}.{extension}", triplet.stem)).display().to_string();
+                let place = path(&format!("{}.{extension}", triplet.stem));
                 let finding = Finding::new(Severity::Error, Code::MissingFile, place, "the file is missing");
-                let donor = if extension == "jpg" { None } else { pose_donor(view_idx) };
+                let donor = if extension == "jpg" { None } else { pose_donor(view) };
                 check.findings.push(match donor {
                     Some(stem) => finding.hint(format!(
                         "the geometry is the same under every light: copy {stem}.{extension} to it"
@@ -159,22 +178,29 @@ fn check_presence(scene: &Path, pair: &TripletPair, check: &mut PairCheck) {
 }
 
 /// Reads one view under every light; the first whole one stands for it.
-fn check_lights(triplets: &[&Triplet], options: &CheckOptions, check: &mut PairCheck) -> Option<RawView> {
+fn check_lights(
+    stored: &StoredPair,
+    pair: &TripletPair,
+    view: ViewName,
+    options: &CheckOptions,
+    check: &mut PairCheck,
+) -> Option<RawView> {
+    let place = &stored.place;
     let mut first: Option<RawView> = None;
-    for triplet in triplets {
+    for triplet in pair.triplets(view) {
         let (Some(exr), Some(npz)) = (&triplet.exr, &triplet.npz) else { continue };
-        match stereolunar::read_raw_view(exr, npz, options.k_convention) {
-            Err(error) => check.findings.push(broken(exr, &error)),
+        match read_geometry(place, [exr, npz], options.k_convention) {
+            Err(error) => check.findings.push(broken(&place.path(exr), &error)),
             Ok(raw) => match &first {
                 None => first = Some(raw),
                 Some(first) => check.findings.extend(differing(first, &raw)),
             },
         }
     }
-    for triplet in triplets {
-        let (Some(jpg), Some(raw)) = (&triplet.jpg, &first) else { continue };
-        if let Err(error) = stereolunar::read_image(jpg, raw.depth_z.width, raw.depth_z.height) {
-            check.findings.push(broken(jpg, &error));
+    for Triplet { jpg, .. } in pair.triplets(view) {
+        let (Some(jpg), Some(raw)) = (jpg, &first) else { continue };
+        if let Err(error) = read_picture(place, jpg, (raw.depth_z.width, raw.depth_z.height)) {
+            check.findings.push(broken(&place.path(jpg), &error));
         }
     }
     first

@@ -4,8 +4,8 @@ use super::numbers::{PairNumbers, moved, pair_numbers};
 use super::pose::{self, BestReading, DepthReading, Reading, Stored};
 use super::principal_point::{self, Evidence};
 use super::report::{Code, Finding, Severity};
-use super::reprojection::{OUTLIER, View, symmetric};
-use crate::import::RawView;
+use super::reprojection::{DepthView, OUTLIER, symmetric};
+use crate::stored::RawView;
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3};
 use selenograph_raster::codec::exr::SampleType;
 use selenograph_raster::{Raster, statistics};
@@ -125,8 +125,8 @@ fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: 
     }
     let view = |stored: &Stored| (stored.camera.clone(), *stored.pose, Raster::clone(stored.depth_values));
     let [(camera_a, pose_a, depth_a), (camera_b, pose_b, depth_b)] = [view(a), view(b)];
-    let view_a = View { camera: &camera_a, world_from_cam: &pose_a, depth_z: &depth_a };
-    let view_b = View { camera: &camera_b, world_from_cam: &pose_b, depth_z: &depth_b };
+    let view_a = DepthView { camera: &camera_a, world_from_cam: &pose_a, depth_z: &depth_a };
+    let view_b = DepthView { camera: &camera_b, world_from_cam: &pose_b, depth_z: &depth_b };
     check.numbers = pair_numbers(name, &view_a, &view_b, body, step);
     if !check.findings.is_empty() {
         return;
@@ -141,7 +141,8 @@ fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: 
     let with_offset = evidence.and_then(|evidence| {
         let [du, dv] = evidence.offset_px()?;
         let cameras = [moved(&camera_a, du, dv), moved(&camera_b, du, dv)];
-        let [a, b] = [(view_a, &cameras[0]), (view_b, &cameras[1])].map(|(v, camera)| View { camera, ..v });
+        let [a, b] =
+            [(view_a, &cameras[0]), (view_b, &cameras[1])].map(|(v, camera)| DepthView { camera, ..v });
         Some(symmetric(&a, &b, step.max(FIT_STEP))?.median_relative_error)
     });
     let error = with_offset.map_or(warp.median_relative_error, |e| e.min(warp.median_relative_error));

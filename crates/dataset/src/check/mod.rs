@@ -5,69 +5,41 @@
 mod folder;
 mod geometry;
 pub mod numbers;
-pub mod pose;
+mod pose;
 pub mod principal_point;
-pub mod report;
+mod report;
 pub mod reprojection;
 #[cfg(test)]
 pub(crate) mod synthetic;
 
+pub use folder::CheckOptions;
 pub use report::{Code, Finding, FolderKind, Report, Severity};
 
 use crate::Error;
-use crate::import::stereolunar;
-use crate::pair::list_pairs;
+use crate::stored::{self, ReadOptions};
 use folder::PairCheck;
 use principal_point::{PrincipalPoint, Verdict};
 use rayon::prelude::*;
-use selenograph_geometry::{Body, PixelConvention};
+use selenograph_geometry::PixelConvention;
 use std::path::Path;
 
-/// How to check.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckOptions {
-    /// The body of triplets, whose files do not name one.
-    pub body: Body,
-    /// What the triplets' camera matrices are taken for; the fit then says whether that is so.
-    pub k_convention: PixelConvention,
-    /// Every this many pixels across and down are warped.
-    pub step: usize,
-}
-
-impl Default for CheckOptions {
-    fn default() -> Self {
-        Self { body: Body::moon(), k_convention: PixelConvention::Corner, step: 2 }
-    }
-}
-
-/// Checks a dataset of ours, a folder of triplets, or a folder of such folders.
+/// Checks a dataset of ours, a folder of triplets, or the folders of one kind below a folder.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder cannot be read, [`Error::Format`] if there are no pairs in it. What is wrong with the
 /// pairs themselves is in the report.
 pub fn check(folder: &Path, options: &CheckOptions) -> Result<Report, Error> {
     let options = &CheckOptions { step: options.step.max(1), ..options.clone() };
-    let own = list_pairs(folder)?;
-    let (kind, checks) = if own.is_empty() {
-        let mut jobs = Vec::new();
-        for scene in stereolunar::scenes(folder)? {
-            jobs.extend(stereolunar::scan(&scene)?.into_iter().map(|pair| (scene.clone(), pair)));
-        }
-        let checks: Vec<PairCheck> =
-            jobs.par_iter().map(|(scene, pair)| folder::check_triplets(scene, pair, options)).collect();
-        (FolderKind::Stereolunar, checks)
-    } else {
-        let checks = own.par_iter().map(|(id, path)| folder::check_own(*id, path, options)).collect();
-        (FolderKind::Selenograph, checks)
+    let found = stored::find(folder, ReadOptions::with_convention(options.k_convention))?;
+    let num_own = found.iter().filter(|pair| pair.triplets().is_none()).count();
+    let expected = "`pairs/…` of a dataset, or `im_NNNNN.jpg/.exr/.npz` here or in folders below";
+    let kind = match num_own {
+        _ if found.is_empty() => return Err(Error::unexpected(folder, expected, "neither")),
+        0 => FolderKind::Stereolunar,
+        all if all == found.len() => FolderKind::Selenograph,
+        _ => return Err(Error::unexpected(folder, expected, "both: check one after the other")),
     };
-    if checks.is_empty() {
-        return Err(Error::Format {
-            path: folder.to_owned(),
-            expected: "`pairs/…` of a dataset, or `im_NNNNN.jpg/.exr/.npz` here or one folder below"
-                .to_owned(),
-            found: "neither".to_owned(),
-        });
-    }
+    let checks = found.par_iter().map(|pair| folder::check_pair(pair, options)).collect();
     Ok(assemble(folder, kind, checks, options))
 }
 

@@ -1,6 +1,6 @@
 //! The numbers of a pair that a reader wants to see: where, how high, how far apart, how well it reprojects.
 
-use super::reprojection::{View, WarpStatistics, symmetric};
+use super::reprojection::{DepthView, WarpStatistics, symmetric};
 use crate::pair::tilt_rad;
 use selenograph_geometry::units::wrap_360_deg;
 use selenograph_geometry::{Body, Camera, pixel};
@@ -49,7 +49,7 @@ pub struct PairNumbers {
     pub reprojection_half_pixel: Option<WarpStatistics>,
 }
 
-fn view_numbers(view: &View, body: &Body) -> Option<ViewNumbers> {
+fn view_numbers(view: &DepthView, body: &Body) -> Option<ViewNumbers> {
     let position = view.world_from_cam.origin();
     let place = body.place(&position);
     let depths = view.depth_z.data.iter().map(|&z| if z > 0.0 { f64::from(z) } else { f64::NAN });
@@ -69,7 +69,13 @@ fn view_numbers(view: &View, body: &Body) -> Option<ViewNumbers> {
 }
 
 /// The numbers of a pair; `None` if a view has no depth at all. Every `step`-th pixel is warped.
-pub fn pair_numbers(name: &str, a: &View, b: &View, body: &Body, step: usize) -> Option<PairNumbers> {
+pub fn pair_numbers(
+    name: &str,
+    a: &DepthView,
+    b: &DepthView,
+    body: &Body,
+    step: usize,
+) -> Option<PairNumbers> {
     let views = [view_numbers(a, body)?, view_numbers(b, body)?];
     let baseline_m = (b.world_from_cam.origin() - a.world_from_cam.origin()).norm();
     let mean_altitude = 0.5 * (views[0].altitude_above_sphere_m + views[1].altitude_above_sphere_m);
@@ -83,8 +89,8 @@ pub fn pair_numbers(name: &str, a: &View, b: &View, body: &Body, step: usize) ->
         relative_rotation_deg: rotation.rotation_angle_rad().to_degrees(),
         reprojection: symmetric(a, b, step),
         reprojection_half_pixel: symmetric(
-            &View { camera: &moved_a, ..*a },
-            &View { camera: &moved_b, ..*b },
+            &DepthView { camera: &moved_a, ..*a },
+            &DepthView { camera: &moved_b, ..*b },
             step,
         ),
     })

@@ -1,7 +1,7 @@
 //! Poses that are not what they should be: no rotation, the inverse, other axes.
 
-use super::reprojection::{View, depth_z_from_range, symmetric};
-use crate::import::{RawView, nearest_rotation};
+use super::reprojection::{DepthView, depth_z_from_range, symmetric};
+use crate::stored::{RawView, nearest_rotation};
 use nalgebra::{Matrix3, Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3, Rotation3, pixel};
 use selenograph_raster::{Raster, statistics};
@@ -124,7 +124,7 @@ pub struct Stored<'a> {
 /// Whether the ground of a view lies near the body's sphere.
 fn sees_the_body(camera: &Camera, pose: &Rigid3<BodyFixed, Cam>, depth_z: &Raster<f32>, body: &Body) -> bool {
     let step = (camera.width / GRID).max(1);
-    let view = View { camera, world_from_cam: pose, depth_z };
+    let view = DepthView { camera, world_from_cam: pose, depth_z };
     let rows = (step / 2..camera.height).step_by(step);
     let heights = rows.flat_map(|y| (step / 2..camera.width).step_by(step).map(move |x| (x, y))).filter_map(
         |(x, y)| {
@@ -155,8 +155,8 @@ pub fn best_reading(a: &Stored, b: &Stored, body: &Body) -> Option<BestReading> 
         });
         for (reading_a, pose_a) in &candidates[0] {
             for (reading_b, pose_b) in &candidates[1] {
-                let view_a = View { camera: a.camera, world_from_cam: pose_a, depth_z: &depths[0] };
-                let view_b = View { camera: b.camera, world_from_cam: pose_b, depth_z: &depths[1] };
+                let view_a = DepthView { camera: a.camera, world_from_cam: pose_a, depth_z: &depths[0] };
+                let view_b = DepthView { camera: b.camera, world_from_cam: pose_b, depth_z: &depths[1] };
                 let Some(statistics) = symmetric(&view_a, &view_b, step) else { continue };
                 // A handful of pixels that happen to meet prove nothing.
                 if statistics.num_compared < GRID {

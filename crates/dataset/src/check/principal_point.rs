@@ -6,7 +6,7 @@
 //! close together for it.
 
 use super::numbers::moved;
-use super::reprojection::{Carrier, OUTLIER, View};
+use super::reprojection::{Carrier, DepthView, OUTLIER};
 use nalgebra::{Matrix2, Point2, Vector2};
 use selenograph_geometry::{pixel, robust::MAD_TO_SIGMA};
 use selenograph_raster::{Raster, resample, statistics};
@@ -89,7 +89,7 @@ const ROUNDS: usize = 4;
 
 /// What one pair says about the offset, by robust Gauss-Newton over every `step`-th pixel. `None` if too few pixels
 /// meet or the offset runs away.
-pub fn evidence(a: &View, b: &View, step: usize) -> Option<Evidence> {
+pub fn evidence(a: &DepthView, b: &DepthView, step: usize) -> Option<Evidence> {
     let mut offset = Vector2::zeros();
     let mut found = None;
     for _ in 0..ROUNDS {
@@ -105,7 +105,7 @@ pub fn evidence(a: &View, b: &View, step: usize) -> Option<Evidence> {
 }
 
 /// Normal equations around an offset; the unknown is the change of it.
-fn linearised(a: &View, b: &View, offset: &Vector2<f64>, step: usize) -> Option<Evidence> {
+fn linearised(a: &DepthView, b: &DepthView, offset: &Vector2<f64>, step: usize) -> Option<Evidence> {
     let mut rows: Vec<(f64, Vector2<f64>)> = Vec::new();
     for (from, to) in [(a, b), (b, a)] {
         collect_rows(from, to, offset, step, &mut rows);
@@ -130,8 +130,8 @@ fn linearised(a: &View, b: &View, offset: &Vector2<f64>, step: usize) -> Option<
 
 /// Relative depth residuals of pixels of `from` in `to`, with their derivatives by the offset.
 fn collect_rows(
-    from: &View,
-    to: &View,
+    from: &DepthView,
+    to: &DepthView,
     offset: &Vector2<f64>,
     step: usize,
     rows: &mut Vec<(f64, Vector2<f64>)>,
@@ -141,7 +141,7 @@ fn collect_rows(
     };
     let cameras = [cameras_at(0.0, 0.0), cameras_at(1.0, 0.0), cameras_at(0.0, 1.0)];
     let carriers = cameras.each_ref().map(|(camera_from, camera_to)| {
-        Carrier::new(&View { camera: camera_from, ..*from }, &View { camera: camera_to, ..*to })
+        Carrier::new(&DepthView { camera: camera_from, ..*from }, &DepthView { camera: camera_to, ..*to })
     });
     for y in (step / 2..from.camera.height).step_by(step) {
         for x in (step / 2..from.camera.width).step_by(step) {
@@ -218,8 +218,11 @@ mod tests {
 
     fn fit([a, b]: &[TestView; 2], du: f64, dv: f64) -> PrincipalPoint {
         let cameras = [moved(&a.camera, du, dv), moved(&b.camera, du, dv)];
-        let evidence =
-            evidence(&View { camera: &cameras[0], ..a.view() }, &View { camera: &cameras[1], ..b.view() }, 2);
+        let evidence = evidence(
+            &DepthView { camera: &cameras[0], ..a.view() },
+            &DepthView { camera: &cameras[1], ..b.view() },
+            2,
+        );
         combine(&[evidence.unwrap()]).unwrap()
     }
 

@@ -10,7 +10,7 @@ pub const OUTLIER: f64 = 5e-3;
 
 /// A view with its truth.
 #[derive(Debug, Clone, Copy)]
-pub struct View<'a> {
+pub struct DepthView<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// The pose.
@@ -19,7 +19,7 @@ pub struct View<'a> {
     pub depth_z: &'a Raster<f32>,
 }
 
-impl View<'_> {
+impl DepthView<'_> {
     /// z-depth of a pixel, `None` where it is absent.
     pub fn depth_at(&self, x: usize, y: usize) -> Option<f64> {
         self.depth_z.get(x, y).map(|&z| f64::from(z)).filter(|z| z.is_finite() && *z > 0.0)
@@ -45,7 +45,7 @@ pub struct Carrier<'a> {
 
 impl<'a> Carrier<'a> {
     /// From `from` into `to`. The world drops out first, so that its large coordinates cost no digits.
-    pub fn new(from: &View<'a>, to: &View<'a>) -> Self {
+    pub fn new(from: &DepthView<'a>, to: &DepthView<'a>) -> Self {
         let to_from = (&to.world_from_cam.inverse() * from.world_from_cam).relabel();
         Self { from: from.camera, to: to.camera, to_from }
     }
@@ -71,7 +71,7 @@ pub struct Warp {
 }
 
 /// Warps every `step`-th pixel across and down of `from` into `to`, and back by the bilinear depth found there.
-pub fn warp(from: &View, to: &View, step: usize) -> Warp {
+pub fn warp(from: &DepthView, to: &DepthView, step: usize) -> Warp {
     let mut warp = Warp::default();
     let first = step / 2;
     let (there_from_here, here_from_there) = (Carrier::new(from, to), Carrier::new(to, from));
@@ -116,7 +116,7 @@ pub struct WarpStatistics {
 }
 
 /// Warps both ways. `None` where not one pixel of either view falls on depth of the other.
-pub fn symmetric(a: &View, b: &View, step: usize) -> Option<WarpStatistics> {
+pub fn symmetric(a: &DepthView, b: &DepthView, step: usize) -> Option<WarpStatistics> {
     let (to_b, to_a) = (warp(a, b, step), warp(b, a, step));
     let both =
         |f: fn(&Warp) -> &[f64]| f(&to_b).iter().chain(f(&to_a)).map(|error| error.abs()).collect::<Vec<_>>();
@@ -171,14 +171,20 @@ mod tests {
         (shifted.cx, shifted.cy) = (shifted.cx + pixel::HALF_PIXEL, shifted.cy + pixel::HALF_PIXEL);
         let mut other = b.camera.clone();
         (other.cx, other.cy) = (other.cx + pixel::HALF_PIXEL, other.cy + pixel::HALF_PIXEL);
-        let half_pixel =
-            symmetric(&View { camera: &shifted, ..a.view() }, &View { camera: &other, ..b.view() }, 1)
-                .unwrap();
+        let half_pixel = symmetric(
+            &DepthView { camera: &shifted, ..a.view() },
+            &DepthView { camera: &other, ..b.view() },
+            1,
+        )
+        .unwrap();
         assert!(half_pixel.median_px > 5.0 * clean.median_px, "{half_pixel:?} {clean:?}");
         let (range_a, range_b) = (a.range(), b.range());
-        let as_z =
-            symmetric(&View { depth_z: &range_a, ..a.view() }, &View { depth_z: &range_b, ..b.view() }, 1)
-                .unwrap();
+        let as_z = symmetric(
+            &DepthView { depth_z: &range_a, ..a.view() },
+            &DepthView { depth_z: &range_b, ..b.view() },
+            1,
+        )
+        .unwrap();
         assert!(as_z.median_relative_error > 100.0 * clean.median_relative_error, "{as_z:?}");
         let back = depth_z_from_range(&a.camera, &range_a);
         let worst = back.data.iter().zip(&a.depth_z.data).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);

@@ -1,9 +1,8 @@
 //! Views of a wavy sphere whose depth is known exactly, for the tests of the checks.
 
-use super::reprojection::View;
+use super::reprojection::DepthView;
 use crate::pair::{
-    self, CameraRecord, OverlapRecord, PairRecord, PlaceRecord, RelativeGeometry, SunRecord, Trajectory,
-    ViewMeasures, ViewName,
+    self, CameraRecord, OverlapRecord, PairRecord, SunRecord, Trajectory, ViewMeasures, ViewName,
 };
 use nalgebra::{Matrix4, Point2, Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3, lookat, pixel};
@@ -33,8 +32,8 @@ pub struct TestView {
 }
 
 impl TestView {
-    pub fn view(&self) -> View<'_> {
-        View { camera: &self.camera, world_from_cam: &self.world_from_cam, depth_z: &self.depth_z }
+    pub fn view(&self) -> DepthView<'_> {
+        DepthView { camera: &self.camera, world_from_cam: &self.world_from_cam, depth_z: &self.depth_z }
     }
 
     pub fn range(&self) -> Raster<f32> {
@@ -152,7 +151,6 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
     }
     let [a, b] = views;
     let site = Geodetic::from_deg(-87.7, 100.0, 0.0);
-    let relative = RelativeGeometry::new(&body, &site, &a.world_from_cam, &b.world_from_cam);
     let sun = SunRecord {
         azimuth_deg: 10.0,
         elevation_deg: 15.0,
@@ -160,24 +158,11 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
         angular_radius_deg: 0.27,
     };
     let record = PairRecord {
-        format: pair::PAIR_FORMAT.into(),
-        version: pair::RECORD_VERSION,
-        pair_id,
         trajectory: Some(Trajectory::Oblique),
-        body,
-        site: PlaceRecord::from_place(&site),
-        baseline_vector_m: relative.baseline_vector_m.into(),
-        baseline_m: relative.baseline_vector_m.norm(),
-        baseline_over_height: relative.baseline_over_height,
-        altitude_ratio: relative.altitude_ratio,
-        cam_b_from_cam_a: relative.cam_b_from_cam_a.rows_3x4(),
-        relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
-        convergence_deg: relative.convergence_rad.to_degrees(),
         suns: vec![Some(sun); 2],
-        exposures: vec![],
         overlap: OverlapRecord { a_in_b: 0.7, b_in_a: 0.6, a_seen_by_b: 0.7, b_seen_by_a: 0.6 },
         files,
-        source: None,
+        ..PairRecord::new(pair_id, &body, &site, [&a.world_from_cam, &b.world_from_cam])
     };
     std::fs::write(folder.join(pair::PAIR_NAME), pair::json_text(&record, &folder).unwrap()).unwrap();
     folder

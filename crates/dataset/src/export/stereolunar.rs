@@ -4,10 +4,10 @@
 //! principal point measured from the first pixel's centre, because the paper's own loader back-projects whole numbers.
 
 use crate::Error;
-use crate::import::stereolunar::{LIGHTS_PER_PAIR, SplitTable, stem};
-use crate::import::{StereoPair, StereoView, selenograph};
-use crate::pair::{Trajectory, list_pairs};
+use crate::pair::Trajectory;
 use crate::split::Split;
+use crate::stored::triplets::{LIGHTS_PER_PAIR, stem};
+use crate::stored::{self, ReadOptions, SplitTable, StereoPair, StereoView, StoredPair, encode_split};
 use selenograph_geometry::PixelConvention;
 use selenograph_raster::codec::exr::{Attribute, Channel, ExrImage};
 use selenograph_raster::codec::npz::{Array, Values};
@@ -100,21 +100,6 @@ fn depth_and_camera(view: &StereoView, options: &ExportOptions) -> Result<(Vec<u
     Ok((depth_z, camera))
 }
 
-/// Bytes of a split file: plain arrays that `numpy.load` reads without unpickling.
-///
-/// # Errors
-/// [`Error::Raster`] if the arrays cannot be encoded.
-pub fn encode_split(table: &SplitTable) -> Result<Vec<u8>, Error> {
-    let text = |list: &[String]| Array::new(&[list.len()], Values::Text(list.to_vec()));
-    let pairs = Array::new(&[table.pairs.len(), 4], Values::I64(table.pairs.concat()));
-    let arrays = BTreeMap::from([
-        ("scenes".to_owned(), text(&table.scenes)),
-        ("images".to_owned(), text(&table.images)),
-        ("pairs".to_owned(), pairs),
-    ]);
-    Ok(npz::encode(&arrays)?)
-}
-
 /// Writes one of our datasets as triplets: `out/<trajectory>/im_NNNNN.*` and `out/all.npz`, with `train.npz` and
 /// `val.npz` where a split is given. `out` appears when it is complete; `progress` hears of each pair.
 ///
@@ -131,7 +116,7 @@ pub fn export_dataset(
     if out.exists() {
         return Err(Error::TargetExists { path: out.to_owned() });
     }
-    let pairs = list_pairs(dataset)?;
+    let pairs = stored::own(dataset, ReadOptions::default())?;
     if pairs.is_empty() {
         return Err(Error::Format {
             path: dataset.to_owned(),
@@ -159,7 +144,7 @@ fn partial_name(path: &Path) -> PathBuf {
 }
 
 fn write_scenes(
-    pairs: &[(u64, PathBuf)],
+    pairs: &[StoredPair],
     root: &Path,
     split: Option<&Split>,
     options: &ExportOptions,
@@ -172,17 +157,19 @@ fn write_scenes(
     let mut next_number: BTreeMap<String, u64> = BTreeMap::new();
     let mut summary = ExportSummary { num_pairs: pairs.len(), ..ExportSummary::default() };
     std::fs::create_dir_all(root).map_err(Error::io("create", root))?;
-    for (done, (pair_id, folder)) in pairs.iter().enumerate() {
-        let (pair, record) = selenograph::read_pair(folder)?;
-        let scene = record.trajectory.map_or(UNTOLD_SCENE, Trajectory::as_str).to_owned();
+    for (done, stored) in pairs.iter().enumerate() {
+        let open = stored.open()?;
+        let pair = open.stereo()?;
+        let scene = open.trajectory().map_or(UNTOLD_SCENE, Trajectory::as_str).to_owned();
         let scene_folder = root.join(&scene);
         std::fs::create_dir_all(&scene_folder).map_err(Error::io("create", &scene_folder))?;
         let number = next_number.entry(scene.clone()).or_insert(0);
         let stems = write_pair(&scene_folder, *number, &pair, options)?;
         *number += (stems.len() as u64).div_ceil(LIGHTS_PER_PAIR).max(1);
         summary.num_images += 2 * stems.len();
-        let score = (100.0 * record.overlap.a_in_b.min(record.overlap.b_in_a)).round() as i64;
-        let part = split.and_then(|split| split.part_of(*pair_id));
+        let overlap = open.record.map(|record| record.overlap).unwrap_or_default();
+        let score = (100.0 * overlap.a_in_b.min(overlap.b_in_a)).round() as i64;
+        let part = split.and_then(|split| split.part_of(stored.pair_id));
         for (name, table) in &mut tables {
             if *name == "all" || part.is_some_and(|part| part.as_str() == *name) {
                 add_rows(table, &scene, &stems, score);
@@ -229,8 +216,9 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 mod tests {
     use super::*;
     use crate::check::synthetic::{oblique_pair, write_own_pair};
-    use crate::import::stereolunar::{read_camera, read_depth, read_image, read_split};
     use crate::split::{Footprint, SplitOptions, footprints};
+    use crate::stored::triplets::read_geometry;
+    use crate::stored::{Place, grey8, read_split};
 
     #[test]
     fn a_dataset_comes_out_as_triplets_and_split_files() {
@@ -260,13 +248,13 @@ mod tests {
         assert_eq!(val.images, ["im_00012", "im_00013", "im_00014", "im_00015"]);
         assert_eq!(val.pairs, [[0, 0, 1, 60], [0, 2, 3, 60]]);
         let scene = out.join("oblique");
-        let (k, pose) = read_camera(&scene.join("im_00001.npz")).unwrap();
-        assert_eq!((k[(0, 2)], k[(1, 2)]), (15.5, 15.5));
+        let files = ["im_00001.exr", "im_00001.npz"];
+        let raw = read_geometry(&Place::folder(&scene), files, PixelConvention::Center).unwrap();
+        assert_eq!((raw.k[(0, 2)], raw.k[(1, 2)]), (15.5, 15.5));
         // float64 to the last bit, through our own record's quaternion.
-        assert!((pose - views[1].pose_matrix()).amax() < 1e-9);
-        let (depth_z, stored) = read_depth(&scene.join("im_00001.exr")).unwrap();
-        assert_eq!((stored, &depth_z), (exr::SampleType::Float, &views[1].depth_z));
-        let image = read_image(&scene.join("im_00000.jpg"), 32, 32).unwrap();
+        assert!((raw.world_from_cam - views[1].pose_matrix()).amax() < 1e-9);
+        assert_eq!((raw.depth_stored, &raw.depth_z), (exr::SampleType::Float, &views[1].depth_z));
+        let image = grey8(&jpeg::read(&scene.join("im_00000.jpg")).unwrap());
         // 500·(x + y) of 65 535 as 8 bits, less what JPEG loses.
         assert!(image[(16, 16)].abs_diff(62) <= 3);
         assert!(

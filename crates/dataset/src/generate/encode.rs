@@ -1,18 +1,17 @@
 //! A rendered pair as the bytes of its files.
 
 use super::scene::{Scene, SceneView};
-use super::settings::{ToneKind, ToneSection};
 use crate::Error;
 use crate::covisibility::pixel_maps;
 use crate::pair::{
-    CameraRecord, ExposureRecord, PAIR_FORMAT, PAIR_NAME, PairRecord, PlaceRecord, RECORD_VERSION,
-    RelativeGeometry, SunRecord, ViewMeasures, angles_name, camera_name, correspondence_name, image_name,
-    json_text, lit_name, truth_name,
+    CameraRecord, ExposureRecord, PAIR_NAME, PairRecord, SunRecord, ViewMeasures, angles_name, camera_name,
+    correspondence_name, image_name, json_text, lit_name, truth_name,
 };
 use crate::plan::ground::clearance_m;
+use crate::plan::rendering::{ToneKind, ToneSection};
 use crate::plan::{Campaign, PlacedPair, Row};
 use rayon::prelude::*;
-use selenograph_geometry::{Camera, Geodetic};
+use selenograph_geometry::Camera;
 use selenograph_raster::codec::exr::{self, Attribute, Channel, ExrImage};
 use selenograph_raster::codec::png;
 use selenograph_raster::{Raster, statistics};
@@ -221,9 +220,7 @@ fn pair_record(
     exposures: &[[Exposure; 2]],
     files: BTreeMap<String, String>,
 ) -> PairRecord {
-    let (body, site): (_, &Geodetic) = (&terrain.body, &placed.site);
-    let [a, b] = &scene.views;
-    let relative = RelativeGeometry::new(body, site, &a.view.world_from_cam, &b.view.world_from_cam);
+    let [a, b] = scene.views.each_ref().map(|view| &view.view);
     let suns = scene.suns.iter().zip(&placed.suns).map(|(sun, angles)| {
         Some(SunRecord {
             azimuth_deg: angles.azimuth_deg,
@@ -253,23 +250,11 @@ fn pair_record(
         }
     };
     PairRecord {
-        format: PAIR_FORMAT.into(),
-        version: RECORD_VERSION,
-        pair_id: row.pair_id,
         trajectory: Some(row.trajectory),
-        body: body.clone(),
-        site: PlaceRecord::from_place(site),
-        baseline_vector_m: relative.baseline_vector_m.into(),
-        baseline_m: relative.baseline_vector_m.norm(),
-        baseline_over_height: relative.baseline_over_height,
-        altitude_ratio: relative.altitude_ratio,
-        cam_b_from_cam_a: relative.cam_b_from_cam_a.rows_3x4(),
-        relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
-        convergence_deg: relative.convergence_rad.to_degrees(),
         suns: suns.collect(),
         exposures: (0..scene.suns.len()).flat_map(|light| [exposure(light, 0), exposure(light, 1)]).collect(),
         overlap: scene.overlap,
         files,
-        source: None,
+        ..PairRecord::new(row.pair_id, &terrain.body, &placed.site, [&a.world_from_cam, &b.world_from_cam])
     }
 }

@@ -5,15 +5,14 @@
 //! the pairs in hand, and a later run goes on from there.
 
 mod encode;
-pub mod folder;
-pub mod scene;
-pub mod settings;
+pub(crate) mod folder;
+pub(crate) mod scene;
 
-pub use folder::{Existing, Shard};
+pub use folder::{CAMPAIGN_NAME, Existing, Shard};
 
 use crate::Error;
 use crate::plan::{Campaign, PlacedPair, Plan, Row};
-use scene::{Outcome, Scene};
+use scene::Scene;
 use selenograph_render::{InstructionSet, Tracer};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -171,13 +170,13 @@ fn render_all<'a>(
     let mut skipped = Vec::new();
     for (row, placed) in todo {
         match scene::render(campaign, tracer, row, placed)? {
-            Outcome::Rendered(scene) => {
+            Ok(scene) => {
                 // A writer that has gone tells its error itself.
                 if sender.send(Rendered { row, placed, scene }).is_err() {
                     break;
                 }
             }
-            Outcome::Refused(refusal) => {
+            Err(refusal) => {
                 let reason = format!("{} (seen at full size only)", refusal.as_str());
                 skipped.push(Skip { pair_id: row.pair_id, reason });
             }

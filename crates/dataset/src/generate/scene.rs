@@ -1,9 +1,9 @@
 //! One planned pair rendered in memory: truth of both views, radiance under every Sun, what the views share.
 
-use super::settings::RenderSection;
 use crate::Error;
 use crate::covisibility::{self, Sight};
 use crate::pair::{OverlapRecord, ViewName};
+use crate::plan::rendering::RenderSection;
 use crate::plan::{Campaign, PlacedPair, Refusal, Row};
 use crate::rng::rng;
 use selenograph_geometry::Body;
@@ -35,8 +35,6 @@ pub struct SceneView {
 
 /// A rendered pair.
 pub struct Scene {
-    /// Its number.
-    pub pair_id: u64,
     /// A and B.
     pub views: [SceneView; 2],
     /// The Suns.
@@ -61,15 +59,7 @@ pub fn suns(body: &Body, placed: &PlacedPair, settings: &RenderSection) -> Resul
     placed.suns.iter().map(sun).collect()
 }
 
-/// Why a pair that the plan holds was not rendered.
-pub enum Outcome {
-    /// It was.
-    Rendered(Box<Scene>),
-    /// A full-size picture shows what the plan's coarse probe missed.
-    Refused(Refusal),
-}
-
-/// Renders a pair.
+/// Renders a pair, or says what a full-size picture shows that the plan's coarse probe missed.
 ///
 /// # Errors
 /// [`Error::Render`] for settings that no picture can be made with.
@@ -78,12 +68,12 @@ pub fn render(
     tracer: &Tracer<'_>,
     row: &Row,
     placed: &PlacedPair,
-) -> Result<Outcome, Error> {
+) -> Result<Result<Box<Scene>, Refusal>, Error> {
     let suns = suns(&tracer.terrain().body, placed, &campaign.render)?;
     let [a, b] = placed.views();
     let (truth_a, truth_b) = match (truth(campaign, tracer, &a)?, truth(campaign, tracer, &b)?) {
         (Ok(truth_a), Ok(truth_b)) => (truth_a, truth_b),
-        (Err(refusal), _) | (_, Err(refusal)) => return Ok(Outcome::Refused(refusal)),
+        (Err(refusal), _) | (_, Err(refusal)) => return Ok(Err(refusal)),
     };
     let stride = if campaign.output.correspondence { 1 } else { OVERLAP_STRIDE };
     let a_in_b = covisibility::correspondence(tracer, &a, &truth_a, &b, stride);
@@ -100,7 +90,7 @@ pub fn render(
     };
     let views = [make(ViewName::A, a, truth_a, a_in_b)?, make(ViewName::B, b, truth_b, b_in_a)?];
     let num_rays = count_rays(campaign, &views, suns.len());
-    Ok(Outcome::Rendered(Box::new(Scene { pair_id: row.pair_id, views, suns, overlap, num_rays })))
+    Ok(Ok(Box::new(Scene { views, suns, overlap, num_rays })))
 }
 
 /// The truth of a view, or why the pair is refused.

@@ -1,10 +1,10 @@
 use super::*;
-use crate::covisibility::warp_errors_px;
+use crate::covisibility::tests::warp_errors_px;
 use crate::pair::{
-    CameraRecord, PairRecord, ViewName, camera_name, image_name, list_pairs, pair_folder, read_json,
-    truth_name,
+    CameraRecord, PairRecord, ViewName, camera_name, image_name, pair_folder, read_json, truth_name,
 };
-use crate::plan::Planner;
+use crate::plan::{Planner, rendering};
+use crate::stored::{ReadOptions, StoredPair, own};
 use crate::test_terrain::wide;
 use selenograph_raster::codec::{Picture, exr, png};
 use selenograph_raster::statistics::quantiles;
@@ -12,6 +12,10 @@ use selenograph_render::{Interpolation, Viewpoint};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+fn pairs(root: &Path) -> Vec<StoredPair> {
+    own(root, ReadOptions::default()).unwrap()
+}
 
 fn campaign() -> Campaign {
     let mut campaign = Campaign::preset("paper-iccv2025").unwrap();
@@ -71,7 +75,7 @@ fn stored_view(folder: &Path, name: ViewName) -> (Viewpoint, Vec<f32>, CameraRec
 fn a_dataset_has_all_its_files_and_they_agree_with_the_terrain() {
     let target = tempfile::tempdir().unwrap();
     let mut campaign = campaign();
-    campaign.output = settings::OutputSection { correspondence: true, angles: true };
+    campaign.output = rendering::OutputSection { correspondence: true, angles: true };
     let plan = planned(&campaign);
     let last = AtomicU64::new(0);
     let report = generate(&campaign, &plan, &tracer(), &options(target.path(), Existing::Refuse), &|p| {
@@ -81,18 +85,19 @@ fn a_dataset_has_all_its_files_and_they_agree_with_the_terrain() {
     assert_eq!((report.num_done, report.skipped.len()), (4, 0));
     assert_eq!(last.load(Ordering::Relaxed), 4);
     assert!(report.num_rays > 4 * 2 * 48 * 40 * 17);
-    let pairs = list_pairs(target.path()).unwrap();
-    assert_eq!(pairs.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [0, 1, 2, 3]);
-    for (id, folder) in pairs {
+    let pairs = pairs(target.path());
+    assert_eq!(pairs.iter().map(|pair| pair.pair_id).collect::<Vec<_>>(), [0, 1, 2, 3]);
+    for StoredPair { pair_id, place, .. } in pairs {
+        let folder = place.root();
         let record: PairRecord = read_json(&folder.join("pair.json")).unwrap();
-        assert_eq!(record.pair_id, id);
+        assert_eq!(record.pair_id, pair_id);
         // Two views of: depth, correspondence, camera, and per light: picture, lit mask, angles.
         assert_eq!(record.files.len(), 2 * (3 + 2 * 3));
         for (name, sum) in &record.files {
             assert_eq!(blake3::hash(&fs::read(folder.join(name)).unwrap()).to_hex().as_str(), sum);
         }
-        let (a, depth_z, camera) = stored_view(&folder, ViewName::A);
-        let (b, ..) = stored_view(&folder, ViewName::B);
+        let (a, depth_z, camera) = stored_view(folder, ViewName::A);
+        let (b, ..) = stored_view(folder, ViewName::B);
         assert_eq!(camera.valid_share, 1.0);
         let gsd = camera.gsd_m.unwrap() * 48.0 / (2.0 * 22.5f64.to_radians().tan());
         assert!(gsd / camera.altitude_over_terrain_m.unwrap() > 0.6, "{gsd}");
@@ -138,7 +143,7 @@ fn a_killed_run_goes_on_and_shards_make_the_same_pairs() {
     let half = broken.path().join("pairs/000/.unfinished-2");
     fs::create_dir_all(&half).unwrap();
     fs::write(half.join("a.l0.png"), b"half").unwrap();
-    assert_eq!(list_pairs(broken.path()).unwrap().len(), 3);
+    assert_eq!(pairs(broken.path()).len(), 3);
     let report = run_all(&campaign, &plan, &options(broken.path(), Existing::Resume)).unwrap();
     assert_eq!((report.num_done, report.num_resumed), (1, 3));
     assert!(!half.exists());
@@ -196,7 +201,7 @@ fn what_cannot_be_written_is_one_error_and_leaves_whole_pairs() {
     fs::write(pair_folder(target.path(), 2), b"in the way").unwrap();
     let refused = run_all(&campaign, &plan, &options(target.path(), Existing::Resume));
     assert!(matches!(refused, Err(Error::Io { action: "write", .. })), "{refused:?}");
-    let left: Vec<u64> = list_pairs(target.path()).unwrap().into_iter().map(|(id, _)| id).collect();
+    let left: Vec<u64> = pairs(target.path()).iter().map(|pair| pair.pair_id).collect();
     assert_eq!(left, [0, 1]);
     assert!(contents(target.path()).keys().all(|p| !p.to_string_lossy().contains(".unfinished")));
     fs::remove_file(pair_folder(target.path(), 2)).unwrap();
@@ -209,7 +214,8 @@ fn skips_and_dark_suns_are_told() {
     let mut campaign = campaign();
     (campaign.oblique.pairs, campaign.dynamic.pairs) = (0, 0);
     campaign.lights = vec![crate::plan::Light::fixed(10.0, -5.0)];
-    campaign.tone = settings::ToneSection { kind: settings::ToneKind::MinMax, bits: 8, ..Default::default() };
+    campaign.tone =
+        rendering::ToneSection { kind: rendering::ToneKind::MinMax, bits: 8, ..Default::default() };
     let mut plan = planned(&campaign);
     let mut lost = plan.rows[0].clone();
     lost.pair_id = 7;

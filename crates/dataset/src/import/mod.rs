@@ -1,116 +1,145 @@
-//! Pairs from files into memory: our own folders and the StereoLunar triplets.
+//! StereoLunar triplets into our own dataset layout, so that every tool reads them: float32 depth, poses with their words,
+//! lossless copies of the pictures, and a note of where each came from.
+//!
+//! A light that lacks a file, or whose geometry is not that of the others, is left out and listed; nothing is invented
+//! that the triplets do not hold (normals, slopes, shadow masks, exposures).
 
-pub mod dataset;
-pub mod selenograph;
-pub mod stereolunar;
+mod triplets;
 
 use crate::Error;
-use nalgebra::{Matrix3, Matrix4, Point3};
-use selenograph_geometry::{BodyFixed, Cam, Camera, Distortion, PixelConvention, Rigid3, Rotation3};
-use selenograph_raster::Raster;
-use selenograph_raster::codec::exr::SampleType;
-use std::path::{Path, PathBuf};
+use crate::generate::folder::{write_file, write_pair};
+use crate::pair::ImportedSuns;
+use crate::photometric::Skipped;
+use crate::stored::{self, ReadOptions, StoredPair, TripletPair};
+use rayon::prelude::*;
+use selenograph_geometry::{Body, PixelConvention};
+use serde::Serialize;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A view's geometry exactly as its files hold it, right or wrong.
+/// How to import.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RawView {
-    /// The file that names the view in messages.
-    pub path: PathBuf,
-    /// Camera matrix, pixels.
-    pub k: Matrix3<f64>,
-    /// Where the matrix puts the first pixel's centre, as far as the files say or the reader was told.
+pub struct ImportOptions {
+    /// The body of the triplets, which do not name it.
+    pub body: Body,
+    /// Where their camera matrices put the first pixel's centre.
     pub k_convention: PixelConvention,
-    /// Lens distortion.
-    pub distortion: Distortion,
-    /// Pose, camera to world, metres.
-    pub world_from_cam: Matrix4<f64>,
-    /// z-depth, metres; absent samples as the file has them (NaN, infinite).
-    pub depth_z: Raster<f32>,
-    /// Sample type of the depth in the file.
-    pub depth_stored: SampleType,
+    /// Which Suns are recorded.
+    pub suns: ImportedSuns,
+    /// When the run began, for the record.
+    pub started: Option<String>,
 }
 
-impl RawView {
-    /// The camera, measured from the corner.
-    ///
-    /// # Errors
-    /// [`Error::Geometry`] for a matrix that no camera has.
-    pub fn camera(&self) -> Result<Camera, Error> {
-        let camera = Camera::from_k(self.depth_z.width, self.depth_z.height, &self.k, self.k_convention)?;
-        Ok(camera.with_distortion(self.distortion))
-    }
-
-    /// The pose.
-    ///
-    /// # Errors
-    /// [`Error::Geometry`] if the matrix is no rigid motion.
-    pub fn world_from_cam(&self) -> Result<Rigid3<BodyFixed, Cam>, Error> {
-        let rotation = self.world_from_cam.fixed_view::<3, 3>(0, 0).into_owned();
-        let origin = Point3::from(self.world_from_cam.fixed_view::<3, 1>(0, 3).into_owned());
-        Rigid3::<BodyFixed, Cam>::from_matrix(&rotation, origin)?;
-        // The check above projects by an iteration that stands still at half turns, which nadir cameras at a pole have.
-        Ok(Rigid3::new(nearest_rotation(&rotation).unwrap_or_else(Rotation3::identity), origin))
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self {
+            body: Body::moon(),
+            k_convention: PixelConvention::Corner,
+            suns: ImportedSuns::Unknown,
+            started: None,
+        }
     }
 }
 
-/// One view of a pair, with its pictures under each light.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StereoView {
-    /// Where it came from, for messages and labels.
-    pub name: String,
-    /// The camera, measured from the corner.
-    pub camera: Camera,
-    /// The pose.
-    pub world_from_cam: Rigid3<BodyFixed, Cam>,
-    /// z-depth, metres, NaN where absent.
-    pub depth_z: Raster<f32>,
-    /// One 8-bit picture per light.
-    pub images: Vec<Raster<u8>>,
-    /// Slope of the terrain, radians, where the source knows it.
-    pub slope_rad: Option<Raster<f32>>,
-    /// One mask of lit pixels (not 0) per light, where the source knows it.
-    pub lit: Vec<Raster<u8>>,
+/// What an import has written.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct ImportSummary {
+    /// Pairs written.
+    pub num_pairs: usize,
+    /// Pictures among them.
+    pub num_images: usize,
+    /// Pairs whose depth was stored as half float.
+    pub num_half_float: usize,
+    /// What was left out.
+    pub skipped: Vec<Skipped>,
 }
 
-/// Two views of the same ground.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StereoPair {
-    /// Number in its folder.
-    pub pair_id: u64,
-    /// A and B.
-    pub views: [StereoView; 2],
+/// Imports a folder of triplets, or the folders in it, into `out`, which need not exist. Pairs are numbered
+/// through all folders in order; a pair that is left out leaves its number free.
+///
+/// # Errors
+/// [`Error::Format`] if there is nothing to import, [`Error::Io`] in writing. What is wrong with a pair is in the summary.
+pub fn import_dataset(
+    source: &Path,
+    out: &Path,
+    options: &ImportOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<ImportSummary, Error> {
+    let found = stored::find(source, ReadOptions::with_convention(options.k_convention))?;
+    let all: Vec<(&StoredPair, &TripletPair)> =
+        found.iter().filter_map(|pair| Some((pair, pair.triplets()?))).collect();
+    let jobs: Vec<_> = (0..).zip(all).collect();
+    let num_done = AtomicUsize::new(0);
+    let results: Vec<ImportSummary> = jobs
+        .par_iter()
+        .map(|&(pair_id, (stored, pair))| {
+            let mut summary = ImportSummary::default();
+            if let Some(pair) = triplets::read(&stored.place, pair, options, &mut summary.skipped) {
+                write_pair(out, pair_id, &pair.encode(pair_id, options)?)?;
+                summary.num_pairs = 1;
+                summary.num_images = pair.num_images();
+                summary.num_half_float = usize::from(pair.is_half());
+            }
+            progress(num_done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+            Ok(summary)
+        })
+        .collect::<Result<_, Error>>()?;
+    let mut summary = ImportSummary::default();
+    for one in results {
+        summary.num_pairs += one.num_pairs;
+        summary.num_images += one.num_images;
+        summary.num_half_float += one.num_half_float;
+        summary.skipped.extend(one.skipped);
+    }
+    if summary.num_pairs == 0 {
+        let found = match summary.skipped.first() {
+            Some(skip) => format!("none: {}: {}", skip.path.display(), skip.reason),
+            None => "none".into(),
+        };
+        return Err(Error::unexpected(
+            source,
+            "whole triplets `im_NNNNN.jpg/.exr/.npz` here or in folders below",
+            found,
+        ));
+    }
+    write_file(&out.join("run.toml"), run_toml(source, options, &summary)?.as_bytes())?;
+    Ok(summary)
 }
 
-/// The rotation nearest to a matrix, which removes the float32 noise of a stored pose; `None` for mirrored axes.
-pub(crate) fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> {
-    let svd = matrix.svd(true, true);
-    let rotation = svd.u? * svd.v_t?;
-    (rotation.determinant() > 0.0).then(|| Rotation3::from_matrix_unchecked(rotation))
+/// `run.toml` of an import.
+#[derive(Serialize)]
+struct RunRecord<'a> {
+    program: &'static str,
+    version: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    started: Option<&'a str>,
+    imported: &'static str,
+    /// The folder's name; where it lay says nothing on another machine.
+    source: String,
+    k_pixel_convention: PixelConvention,
+    suns: ImportedSuns,
+    body: &'a Body,
+    result: &'a ImportSummary,
 }
 
-/// Depth with every absent sample NaN.
-pub(crate) fn absent_as_nan(depth_z: &Raster<f32>) -> Raster<f32> {
-    depth_z.map(|&z| if z.is_finite() && z > 0.0 { z } else { f32::NAN })
+fn run_toml(source: &Path, options: &ImportOptions, summary: &ImportSummary) -> Result<String, Error> {
+    let record = RunRecord {
+        program: "selenograph",
+        version: env!("CARGO_PKG_VERSION"),
+        started: options.started.as_deref(),
+        imported: "stereolunar",
+        source: name_of(source),
+        k_pixel_convention: options.k_convention,
+        suns: options.suns,
+        body: &options.body,
+        result: summary,
+    };
+    toml::to_string(&record).map_err(|error| Error::Campaign { what: error.to_string() })
 }
 
-/// A file that is not what its name says.
-pub(crate) fn unexpected(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
-    Error::Format { path: path.to_owned(), expected: expected.into(), found: found.into() }
+fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn half_turns_and_noisy_rotations_are_kept() {
-        for axes in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
-            let exact = Matrix3::from_diagonal(&axes.into());
-            let noisy = exact + Matrix3::from_fn(|i, j| 1e-7 * (i as f64 - 2.0 * j as f64));
-            let rotation = nearest_rotation(&noisy).unwrap();
-            assert!((rotation.matrix() - exact).amax() < 1e-6);
-            assert!((rotation.matrix() * rotation.matrix().transpose() - Matrix3::identity()).amax() < 1e-14);
-        }
-        assert!(nearest_rotation(&Matrix3::from_diagonal(&[1.0, 1.0, -1.0].into())).is_none());
-    }
-}
+mod tests;

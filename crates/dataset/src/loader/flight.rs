@@ -3,10 +3,10 @@
 //! Roll is given to the cameras before anything is rendered, so that no pixel is resampled, and what one view sees of the
 //! other is decided by rays.
 
+use super::fetch::{Fetched, Request, unusable};
 use super::order::Draw;
-use super::source::{Fetched, Request, unusable};
 use crate::Error;
-use crate::augment::{Augmentation, Draft};
+use crate::augment::{Augmentation, UndevelopedView};
 use crate::correspondence::MatchRule;
 use crate::covisibility;
 use crate::generate::scene;
@@ -117,9 +117,9 @@ impl Flight {
             })
         });
         let [a, b] = pictures;
-        let draft = |n: usize, levels: Raster<f32>| draft(&views[n], &truths[n], levels);
-        let drafts = [draft(0, a)?, draft(1, b)?];
-        Ok(Fetched { pair_id, lights, drafts, has_depth: true, sights, is_shaped: true })
+        let make = |n: usize, levels: Raster<f32>| undeveloped(&views[n], &truths[n], levels);
+        let views = [make(0, a)?, make(1, b)?];
+        Ok(Fetched { pair_id, lights, views, has_depth: true, sights, is_shaped: true })
     }
 }
 
@@ -164,11 +164,11 @@ fn pictures(
     Ok([levels(&a, &exposures[0]), levels(&b, &exposures[1])])
 }
 
-fn draft(view: &Viewpoint, truth: &Truth, levels: Raster<f32>) -> Result<Draft, Error> {
+fn undeveloped(view: &Viewpoint, truth: &Truth, levels: Raster<f32>) -> Result<UndevelopedView, Error> {
     // Nothing is absent here, so that a ray without a hit has gone past the terrain.
     let far = |z: &f64| if z.is_finite() { *z as f32 } else { f32::INFINITY };
     let depth_z = truth.depth_z.iter().map(far).collect();
     let depth_z = Raster::new(truth.width, truth.height, depth_z)?;
     let truth = ViewTruth { depth_z, world_from_cam: view.world_from_cam };
-    Ok(Draft { levels, camera: view.camera.clone(), truth: Some(truth) })
+    Ok(UndevelopedView { levels, camera: view.camera.clone(), truth })
 }

@@ -2,10 +2,9 @@
 
 use super::source::{Kind, Source};
 use crate::Error;
-use crate::import::{selenograph, stereolunar};
-use crate::pair::{PAIR_NAME, PairRecord, ViewName, read_json};
-use crate::split::{Bounds, Footprint, map_for, share_ground};
-use selenograph_geometry::{Body, Projection};
+use crate::pair::ViewName;
+use crate::split::{Bounds, Footprint, map_for, map_of, share_ground};
+use selenograph_geometry::Projection;
 
 /// Pairs of a campaign that are looked at: it may hold millions.
 const MAX_FLIGHTS: u64 = 256;
@@ -68,21 +67,8 @@ impl Source {
     /// A map near the source's ground.
     fn map(&self) -> Result<Option<Projection>, Error> {
         Ok(match &self.kind {
-            Kind::Pairs(pairs) => match pairs.first() {
-                Some((_, folder)) => {
-                    let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
-                    Some(map_for(&record.body, record.site.latitude_deg))
-                }
-                None => None,
-            },
-            Kind::Triplets(items, _) => match items.first() {
-                Some(item) => {
-                    // Triplets do not name their body.
-                    let (_, pose) = stereolunar::read_camera(&item.geometry[0][1])?;
-                    let body = Body::moon();
-                    let place = body.place(&pose.fixed_view::<3, 1>(0, 3).into_owned().into());
-                    Some(map_for(&body, place.lat_rad.to_degrees()))
-                }
+            Kind::Stored(pairs) => match pairs.first() {
+                Some((_, pair)) => Some(map_of(&pair.open()?)?),
                 None => None,
             },
             Kind::Flight(flight) => flight.site_latitude_deg()?.map(|lat| map_for(&flight.terrain.body, lat)),
@@ -93,24 +79,14 @@ impl Source {
     fn footprints(&self, map: &Projection) -> Result<Vec<Footprint>, Error> {
         let mut found = Vec::new();
         match &self.kind {
-            Kind::Pairs(pairs) => {
-                for (pair_id, folder) in pairs {
+            Kind::Stored(pairs) => {
+                for (pair_id, stored) in pairs {
+                    let pair = stored.open()?;
                     let mut bounds = Bounds::default();
-                    for view in ViewName::BOTH {
-                        if folder.join(crate::pair::truth_name(view)).is_file() {
-                            bounds.add_view(&selenograph::read_raw_view(folder, view)?.0, map)?;
-                        }
+                    for view in ViewName::BOTH.into_iter().filter(|view| stored.has_depth(*view)) {
+                        bounds.add_view(&pair.raw_view(view)?, map)?;
                     }
                     found.extend(bounds.footprint(*pair_id));
-                }
-            }
-            Kind::Triplets(items, k) => {
-                for item in items {
-                    let mut bounds = Bounds::default();
-                    for [exr, npz] in &item.geometry {
-                        bounds.add_view(&stereolunar::read_raw_view(exr, npz, *k)?, map)?;
-                    }
-                    found.extend(bounds.footprint(item.pair_id));
                 }
             }
             Kind::Flight(flight) => {

@@ -10,6 +10,7 @@
 //! Libraries read no clock: how long the consumer waits is for the caller of [`Loader::next_batch`] to measure;
 //! [`Loader::num_waits`] counts how often it had to.
 
+mod fetch;
 mod flight;
 mod ground;
 mod order;
@@ -22,14 +23,15 @@ pub use source::Source;
 pub use workers::Loader;
 
 use crate::Error;
-use crate::augment::Augmentation;
+use crate::augment::{Augmentation, UndevelopedView};
 use crate::correspondence::{MatchPool, MatchRule, Matches, sights};
+use crate::covisibility::Sight;
 use crate::plan::Interval;
 use crate::plan::interval::check_number;
 use crate::rng::rng;
 use crate::sample::{Provenance, TrainingPair, TrainingView};
+use fetch::{Fetched, Request};
 use serde::{Deserialize, Serialize};
-use source::{Fetched, Request};
 use std::sync::{Arc, Mutex};
 
 /// What is done about a pair that cannot be used.
@@ -240,16 +242,16 @@ impl Mixture {
         let LoaderOptions { seed, augmentation, match_rule, .. } = &self.options;
         let (source, seed) = (&self.sources[draw.source_idx], *seed);
         let request = Request { augmentation, match_rule: *match_rule, size, seed, position };
-        let Fetched { pair_id, lights, drafts, has_depth, sights: cast, is_shaped } =
+        let Fetched { pair_id, lights, views, has_depth, sights: cast, is_shaped } =
             source.fetch(draw, &request)?;
-        let (drafts, is_copy) = augmentation.reshape(drafts, is_shaped, size, seed, position)?;
+        let (views, is_copy) = augmentation.reshape(views, is_shaped, size, seed, position)?;
         let matches = if has_depth {
-            self.matches(&drafts, cast.filter(|_| !is_copy), position)?
+            self.matches(&views, cast.filter(|_| !is_copy), position)?
         } else {
             Matches::default()
         };
-        let [a, b] = drafts;
-        let develop = |draft, which| -> TrainingView { augmentation.develop(draft, seed, position, which) };
+        let [a, b] = views;
+        let develop = |view, which| -> TrainingView { augmentation.develop(view, seed, position, which) };
         Ok(TrainingPair {
             views: [develop(a, "a"), develop(b, "b")],
             matches,
@@ -260,13 +262,11 @@ impl Mixture {
 
     fn matches(
         &self,
-        drafts: &[crate::augment::Draft; 2],
-        cast: Option<[Vec<crate::covisibility::Sight>; 2]>,
+        views: &[UndevelopedView; 2],
+        cast: Option<[Vec<Sight>; 2]>,
         position: u64,
     ) -> Result<Matches, Error> {
-        let [Some(a), Some(b)] = drafts.each_ref().map(crate::augment::Draft::sighted) else {
-            return Ok(Matches::default());
-        };
+        let [a, b] = views.each_ref().map(UndevelopedView::sighted);
         if self.options.num_matches == 0 {
             return Ok(Matches::default());
         }

@@ -1,23 +1,19 @@
 //! Where pairs come from: our own folders, the paper's triplets, and a campaign that is flown while training.
 
+use super::fetch::{Fetched, Request, unusable};
 use super::flight::Flight;
 use super::order::Draw;
 use crate::Error;
-use crate::augment::{Augmentation, Draft};
-use crate::correspondence::MatchRule;
-use crate::covisibility::Sight;
-use crate::import::stereolunar::{self, Triplet};
-use crate::import::{self, RawView, absent_as_nan, selenograph};
-use crate::pair::{
-    CameraRecord, PAIR_NAME, PairRecord, ViewName, camera_name, image_name, list_pairs, read_json, truth_name,
-};
+use crate::augment::UndevelopedView;
+use crate::pair::ViewName;
 use crate::plan::Campaign;
 use crate::sample::ViewTruth;
-use selenograph_geometry::{Camera, PixelConvention};
+use crate::stored::{self, ReadOptions, StoredPair};
+use selenograph_geometry::PixelConvention;
 use selenograph_raster::Raster;
-use selenograph_raster::codec::{Picture, jpeg, png};
+use selenograph_raster::codec::Picture;
 use selenograph_terrain::Terrain;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A source of training pairs.
@@ -36,45 +32,9 @@ pub struct Source {
 
 #[derive(Debug)]
 pub(super) enum Kind {
-    /// Numbers and folders of our own pairs.
-    Pairs(Vec<(u64, PathBuf)>),
-    Triplets(Vec<TripletItem>, PixelConvention),
+    /// Pairs of ours or triplets, each with its number in the source.
+    Stored(Vec<(u64, StoredPair)>),
     Flight(Box<Flight>),
-}
-
-/// A pair of triplets: its geometry, and its pictures under each light.
-#[derive(Debug)]
-pub(super) struct TripletItem {
-    pub pair_id: u64,
-    /// Depth and camera files of A and B.
-    pub geometry: [[PathBuf; 2]; 2],
-    lights: Vec<[PathBuf; 2]>,
-}
-
-/// What decides how a pair is fetched.
-pub(super) struct Request<'a> {
-    pub augmentation: &'a Augmentation,
-    pub match_rule: MatchRule,
-    pub size: [usize; 2],
-    pub seed: u64,
-    pub position: u64,
-}
-
-/// A pair on its way.
-pub(super) struct Fetched {
-    pub pair_id: u64,
-    pub lights: [usize; 2],
-    pub drafts: [Draft; 2],
-    /// Whether depth was read; poses may be known without.
-    pub has_depth: bool,
-    /// What the terrain says each view sees of the other, for views that already have their final shape.
-    pub sights: Option<[Vec<Sight>; 2]>,
-    pub is_shaped: bool,
-}
-
-/// A pair that cannot be used.
-pub(super) fn unusable(what: impl Into<String>, why: impl Into<String>) -> Error {
-    Error::Unusable { what: what.into(), why: why.into() }
 }
 
 impl Source {
@@ -87,12 +47,12 @@ impl Source {
     /// # Errors
     /// [`Error::Io`], and [`Error::Unusable`] if there is none.
     pub fn pairs(name: &str, folder: &Path, only: Option<&[u64]>) -> Result<Self, Error> {
-        let mut found = list_pairs(folder)?;
-        found.retain(|(id, _)| only.is_none_or(|only| only.contains(id)));
+        let mut found = stored::own(folder, ReadOptions::default())?;
+        found.retain(|pair| only.is_none_or(|only| only.contains(&pair.pair_id)));
         if found.is_empty() {
             return Err(unusable(folder.display().to_string(), "it holds no pair of those asked for"));
         }
-        Ok(Self::new(name, Kind::Pairs(found)))
+        Ok(Self::new(name, Kind::Stored(found.into_iter().map(|pair| (pair.pair_id, pair)).collect())))
     }
 
     /// The paper's triplets: the pairs of a split file, each under its own light, or all that lie in the folder, each under
@@ -107,14 +67,25 @@ impl Source {
         split: Option<&Path>,
         k_convention: PixelConvention,
     ) -> Result<Self, Error> {
-        let items = match split {
-            Some(path) => split_items(root, path)?,
-            None => folder_items(root)?,
+        let reading = ReadOptions::with_convention(k_convention);
+        let mut found = match split {
+            Some(path) => stored::of_split(root, path, reading)?,
+            None => stored::find(root, reading)?,
         };
-        if items.is_empty() {
+        found.retain(|pair| pair.triplets().is_some());
+        if found.is_empty() {
             return Err(unusable(root.display().to_string(), "it holds no whole pair of triplets"));
         }
-        Ok(Self::new(name, Kind::Triplets(items, k_convention)))
+        for pair in &found {
+            if pair.open()?.lights().is_empty() || ViewName::BOTH.iter().any(|view| !pair.has_depth(*view)) {
+                return Err(unusable(
+                    format!("pair {} in `{}`", pair.pair_id, pair.place.root().display()),
+                    "a view of it is missing, or has no picture, depth or camera",
+                ));
+            }
+        }
+        // In a folder of folders, numbers come more than once.
+        Ok(Self::new(name, Kind::Stored((0..).zip(found).collect())))
     }
 
     /// The pairs of a campaign, rendered when they are asked for. The first pass gives the pairs that `generate` would write;
@@ -136,8 +107,7 @@ impl Source {
     /// Number of pairs of one pass.
     pub fn num_pairs(&self) -> u64 {
         match &self.kind {
-            Kind::Pairs(pairs) => pairs.len() as u64,
-            Kind::Triplets(items, _) => items.len() as u64,
+            Kind::Stored(pairs) => pairs.len() as u64,
             Kind::Flight(flight) => flight.num_pairs(),
         }
     }
@@ -145,10 +115,8 @@ impl Source {
     /// Whether any of its pairs has depth.
     pub fn has_truth(&self) -> bool {
         match &self.kind {
-            Kind::Pairs(pairs) => {
-                pairs.iter().any(|(_, folder)| folder.join(truth_name(ViewName::A)).is_file())
-            }
-            Kind::Triplets(..) | Kind::Flight(_) => true,
+            Kind::Stored(pairs) => pairs.iter().any(|(_, pair)| pair.has_depth(ViewName::A)),
+            Kind::Flight(_) => true,
         }
     }
 
@@ -157,34 +125,12 @@ impl Source {
     /// # Errors
     /// [`Error::Unusable`] for the first that is missing, [`Error::Io`] and [`Error::Format`] for a broken `pair.json`.
     pub fn check_files(&self) -> Result<(), Error> {
-        let there = |id: u64, path: PathBuf| {
-            let why = || format!("`{}` is missing", path.display());
-            if path.is_file() {
-                Ok(())
-            } else {
-                Err(unusable(format!("pair {id} of `{}`", self.name), why()))
+        let Kind::Stored(pairs) = &self.kind else { return Ok(()) };
+        for (id, pair) in pairs {
+            if let Some(path) = pair.open()?.missing() {
+                let what = format!("pair {id} of `{}`", self.name);
+                return Err(unusable(what, format!("`{}` is missing", path.display())));
             }
-        };
-        match &self.kind {
-            Kind::Pairs(pairs) => {
-                for (id, folder) in pairs {
-                    let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
-                    for view in ViewName::BOTH {
-                        there(*id, folder.join(camera_name(view)))?;
-                        for light_idx in 0..record.suns.len() {
-                            there(*id, folder.join(image_name(view, light_idx)))?;
-                        }
-                    }
-                }
-            }
-            Kind::Triplets(items, _) => {
-                for item in items {
-                    for path in item.geometry.iter().chain(&item.lights).flatten() {
-                        there(item.pair_id, path.clone())?;
-                    }
-                }
-            }
-            Kind::Flight(_) => {}
         }
         Ok(())
     }
@@ -192,8 +138,7 @@ impl Source {
     /// The pair's name in messages.
     pub(super) fn label(&self, draw: &Draw) -> String {
         let id = match &self.kind {
-            Kind::Pairs(pairs) => pairs[draw.item_idx as usize].0,
-            Kind::Triplets(items, _) => items[draw.item_idx as usize].pair_id,
+            Kind::Stored(pairs) => pairs[draw.item_idx as usize].0,
             Kind::Flight(flight) => draw.pass * flight.num_pairs() + draw.item_idx,
         };
         format!("pair {id} of `{}`", self.name)
@@ -201,21 +146,20 @@ impl Source {
 
     pub(super) fn fetch(&self, draw: &Draw, request: &Request<'_>) -> Result<Fetched, Error> {
         let fetched = match &self.kind {
-            Kind::Pairs(pairs) => {
-                let (pair_id, folder) = &pairs[draw.item_idx as usize];
-                fetch_pair(*pair_id, folder, request)?
+            Kind::Stored(pairs) => {
+                let (pair_id, pair) = &pairs[draw.item_idx as usize];
+                fetch_stored(*pair_id, pair, request)?
             }
-            Kind::Triplets(items, k) => fetch_triplets(&items[draw.item_idx as usize], *k, request)?,
             Kind::Flight(flight) => flight.fetch(draw, request)?,
         };
-        for (draft, name) in fetched.drafts.iter().zip(["a", "b"]) {
-            if !draft.camera.distortion.is_none() {
+        for (view, name) in fetched.views.iter().zip(["a", "b"]) {
+            if !view.camera.distortion.is_none() {
                 return Err(unusable(
                     self.label(draw),
                     format!("view {name} has lens distortion; rectify it first"),
                 ));
             }
-            if fetched.has_depth && !draft.truth.as_ref().is_some_and(ViewTruth::has_depth) {
+            if fetched.has_depth && !view.truth.has_depth() {
                 return Err(unusable(self.label(draw), format!("view {name} has no pixel with depth")));
             }
         }
@@ -223,63 +167,32 @@ impl Source {
     }
 }
 
-fn fetch_pair(pair_id: u64, folder: &Path, request: &Request<'_>) -> Result<Fetched, Error> {
-    let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
-    if record.suns.is_empty() {
-        return Err(unusable(folder.display().to_string(), "it has no picture"));
+fn fetch_stored(pair_id: u64, stored: &StoredPair, request: &Request<'_>) -> Result<Fetched, Error> {
+    let pair = stored.open()?;
+    let numbers = pair.lights();
+    let here = || stored.place.root().display().to_string();
+    if numbers.is_empty() {
+        return Err(unusable(here(), "it has no picture"));
     }
-    let lights = request.augmentation.lights(record.suns.len(), request.seed, request.position);
-    let has_truth = ViewName::BOTH.map(|view| folder.join(truth_name(view)).is_file());
-    if has_truth[0] != has_truth[1] {
-        return Err(unusable(folder.display().to_string(), "one view has depth and the other has none"));
+    let lights = request.augmentation.lights(numbers.len(), request.seed, request.position);
+    let [has_depth, other] = ViewName::BOTH.map(|view| stored.has_depth(view));
+    if has_depth != other {
+        return Err(unusable(here(), "one view has depth and the other has none"));
     }
-    let draft = |view: ViewName, light_idx: usize| {
-        let levels = levels(&png::read(&folder.join(image_name(view, light_idx)))?);
-        let (depth_z, record) = if has_truth[0] {
-            let (raw, record) = selenograph::read_raw_view(folder, view)?;
-            (absent_as_nan(&raw.depth_z), record)
-        } else {
-            let record: CameraRecord = read_json(&folder.join(camera_name(view)))?;
-            (Raster::filled(levels.width, levels.height, f32::NAN), record)
+    let fetch = |name: ViewName| {
+        let raw = if has_depth { Some(pair.raw_view(name)?) } else { None };
+        let (camera, world_from_cam) = match (pair.camera_record(name)?, &raw) {
+            (Some(record), _) => (record.camera()?, record.world_from_cam()),
+            (None, Some(raw)) => (raw.camera()?, raw.world_from_cam()?),
+            (None, None) => return Err(unusable(here(), "it has no camera")),
         };
-        let truth = ViewTruth { depth_z, world_from_cam: record.world_from_cam() };
-        checked(folder, levels, record.camera()?, truth)
+        let size = (camera.width, camera.height);
+        let levels = levels(&pair.picture(name, numbers[lights[name as usize]], size)?);
+        let depth_z = raw.map_or_else(|| Raster::filled(size.0, size.1, f32::NAN), |raw| raw.depth_or_nan());
+        Ok::<_, Error>(UndevelopedView { levels, camera, truth: ViewTruth { depth_z, world_from_cam } })
     };
-    let drafts = [draft(ViewName::A, lights[0])?, draft(ViewName::B, lights[1])?];
-    let has_depth = has_truth[0];
-    Ok(Fetched { pair_id, lights, drafts, has_depth, sights: None, is_shaped: false })
-}
-
-fn fetch_triplets(item: &TripletItem, k: PixelConvention, request: &Request<'_>) -> Result<Fetched, Error> {
-    let lights = request.augmentation.lights(item.lights.len(), request.seed, request.position);
-    let draft = |view: usize| {
-        let path = &item.lights[lights[view]][view];
-        let levels = levels(&jpeg::read(path)?);
-        let [exr, npz] = &item.geometry[view];
-        let raw: RawView = stereolunar::read_raw_view(exr, npz, k)?;
-        let truth = ViewTruth { depth_z: absent_as_nan(&raw.depth_z), world_from_cam: raw.world_from_cam()? };
-        checked(path, levels, raw.camera()?, truth)
-    };
-    Ok(Fetched {
-        pair_id: item.pair_id,
-        lights,
-        drafts: [draft(0)?, draft(1)?],
-        has_depth: true,
-        sights: None,
-        is_shaped: false,
-    })
-}
-
-/// A view whose picture is as large as its camera says.
-fn checked(path: &Path, levels: Raster<f32>, camera: Camera, truth: ViewTruth) -> Result<Draft, Error> {
-    if (levels.width, levels.height) != (camera.width, camera.height) {
-        return Err(import::unexpected(
-            path,
-            format!("a picture of {}×{} pixels, as its depth or camera", camera.width, camera.height),
-            format!("{}×{}", levels.width, levels.height),
-        ));
-    }
-    Ok(Draft { levels, camera, truth: Some(truth) })
+    let views = [fetch(ViewName::A)?, fetch(ViewName::B)?];
+    Ok(Fetched { pair_id, lights, views, has_depth, sights: None, is_shaped: false })
 }
 
 /// Grey levels, 255 at full scale.
@@ -291,49 +204,4 @@ fn levels(picture: &Picture) -> Raster<f32> {
         // Lunar pictures are grey: their channels are equal.
         Picture::Rgb8(colour) => colour.map(|[red, _, _]| f32::from(*red)),
     }
-}
-
-/// Every pair of a folder of triplets, or of those directly inside it.
-fn folder_items(root: &Path) -> Result<Vec<TripletItem>, Error> {
-    let mut items = Vec::new();
-    for scene in stereolunar::scenes(root)? {
-        for pair in stereolunar::scan(&scene)? {
-            let files = |view: usize| {
-                let mut triplets = pair.lights.values().filter_map(|light| light[view].as_ref());
-                // Depth and camera are the same under every light.
-                let exr = triplets.clone().find_map(|t: &Triplet| t.exr.clone())?;
-                Some([exr, triplets.find_map(|t| t.npz.clone())?])
-            };
-            let both = |light: &[Option<Triplet>; 2]| {
-                let [a, b] = light.each_ref().map(|t| t.as_ref().and_then(|t| t.jpg.clone()));
-                Some([a?, b?])
-            };
-            let lights: Vec<[PathBuf; 2]> = pair.lights.values().filter_map(both).collect();
-            let (Some(a), Some(b), false) = (files(0), files(1), lights.is_empty()) else {
-                return Err(unusable(
-                    format!("pair {} in `{}`", pair.pair_id, scene.display()),
-                    "a view of it is missing, or has no picture, depth or camera",
-                ));
-            };
-            items.push(TripletItem { pair_id: items.len() as u64, geometry: [a, b], lights });
-        }
-    }
-    Ok(items)
-}
-
-/// The rows of a split file.
-fn split_items(root: &Path, path: &Path) -> Result<Vec<TripletItem>, Error> {
-    let table = stereolunar::read_split(path)?;
-    let item = |(row, [scene, a, b, _]): (usize, &[i64; 4])| {
-        let folder = root.join(&table.scenes[*scene as usize]);
-        let file = |image: i64, extension: &str| {
-            folder.join(&table.images[image as usize]).with_extension(extension)
-        };
-        TripletItem {
-            pair_id: row as u64,
-            geometry: [*a, *b].map(|image| [file(image, "exr"), file(image, "npz")]),
-            lights: vec![[file(*a, "jpg"), file(*b, "jpg")]],
-        }
-    };
-    Ok(table.pairs.iter().enumerate().map(item).collect())
 }

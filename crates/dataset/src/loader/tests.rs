@@ -1,5 +1,5 @@
 use super::*;
-use crate::check::reprojection::{View, symmetric};
+use crate::check::reprojection::{DepthView, symmetric};
 use crate::check::synthetic::{nadir_pair, oblique_pair, write_own_pair};
 use crate::export::stereolunar::{ExportOptions, export_dataset};
 use crate::plan::Campaign;
@@ -91,8 +91,8 @@ fn pairs_flown_while_training_agree_with_themselves_after_every_change() {
     for batch_idx in 0..8 {
         let (pair, _) = mixture.sample(batch_idx, 0).unwrap();
         let [a, b] = pair.views.each_ref().map(|view| {
-            let truth = view.truth.as_ref().unwrap();
-            View { camera: &view.camera, world_from_cam: &truth.world_from_cam, depth_z: &truth.depth_z }
+            let truth = &view.truth;
+            DepthView { camera: &view.camera, world_from_cam: &truth.world_from_cam, depth_z: &truth.depth_z }
         });
         let Some(statistics) = symmetric(&a, &b, 1) else { continue };
         // Pixels see some 300 m of hills 3 km wide: bilinear depth between them is off by far less.
@@ -124,13 +124,11 @@ fn the_first_pass_is_what_generate_would_write() {
     let tracer = selenograph_render::Tracer::new(&terrain, campaign.render.surface);
     let row = crate::plan::Planner::new(&campaign, &tracer).unwrap().row(pair.provenance.pair_id);
     let placed = row.placed.clone().unwrap();
-    let crate::generate::scene::Outcome::Rendered(scene) =
-        crate::generate::scene::render(&campaign, &tracer, &row, &placed).unwrap()
-    else {
+    let Ok(scene) = crate::generate::scene::render(&campaign, &tracer, &row, &placed).unwrap() else {
         panic!("the plan has placed it");
     };
     for (view, expected) in pair.views.iter().zip(&scene.views) {
-        let truth = view.truth.as_ref().unwrap();
+        let truth = &view.truth;
         assert_eq!(truth.world_from_cam, expected.view.world_from_cam);
         let same = truth.depth_z.data.iter().zip(&expected.truth.depth_z).all(|(x, y)| *x == *y as f32);
         assert!(same && view.camera == expected.view.camera);
@@ -192,7 +190,7 @@ fn faulty_pairs_are_one_error_or_counted() {
     let (pair, _) = mixture.sample(0, 0).unwrap();
     assert!(!pair.has_truth() && pair.matches.valid.is_empty());
     // Its poses are known all the same.
-    let pose = |view: usize| pair.views[view].truth.as_ref().unwrap().world_from_cam;
+    let pose = |view: usize| pair.views[view].truth.world_from_cam;
     assert!((pose(0).origin() - pose(1).origin()).norm() > 1.0);
     assert!(Source::pairs("none", root.path(), Some(&[77])).is_err());
 }

@@ -2,8 +2,9 @@
 //! attached shadows only.
 
 use super::{Scene, ScenePicture, Settings, fit};
-use crate::import::{RawView, stereolunar};
 use crate::photometric::dequantise::dequantise;
+use crate::stored::triplets::read_geometry;
+use crate::stored::{Place, RawView};
 use nalgebra::{Point2, Point3};
 use selenograph_geometry::{Projection, pixel::center_of, proj_string::Crs};
 use selenograph_raster::{Affine, Raster};
@@ -28,8 +29,10 @@ impl Ground {
                 .find(|p| ["exr", "npz"].iter().all(|end| p.path.with_extension(end).is_file()))
                 .map(|p| p.path.clone())
                 .unwrap();
-            let [exr, npz] = ["exr", "npz"].map(|end| path.with_extension(end));
-            stereolunar::read_raw_view(&exr, &npz, settings.k_convention).unwrap()
+            let files = ["exr", "npz"].map(|end| path.with_extension(end));
+            let [exr, npz] = files.each_ref().map(|file| file.file_name().unwrap().to_str().unwrap());
+            let place = Place::folder(path.parent().unwrap());
+            read_geometry(&place, [exr, npz], settings.k_convention).unwrap()
         });
         let points = views.each_ref().map(points);
         let gsd_m = views.iter().map(|v| f64::from(v.depth_z.data[v.depth_z.data.len() / 2]) / v.k[(0, 0)]);

@@ -13,7 +13,9 @@ pub mod surface;
 pub use report::{ImageFit, Limits, Report, Skipped};
 
 use crate::Error;
-use crate::import::stereolunar::{self, Triplet, TripletPair};
+use crate::pair::{Trajectory, ViewName};
+use crate::stored::triplets::{read_picture, trajectory_of};
+use crate::stored::{self, ReadOptions, StoredPair, Triplet, TripletPair, grey8};
 use fit::Agreement;
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
@@ -45,17 +47,13 @@ pub enum SiteRule {
 }
 
 impl SiteRule {
-    /// The rule of a trajectory by the name of its folder (`nadir_1`, `oblique_3`, …). Dynamic pairs have none: their
-    /// cameras look past the site.
-    pub fn of_folder(folder: &Path) -> Option<Self> {
-        let name = folder.file_name()?.to_str()?.to_ascii_lowercase();
-        // `pitch` is what the authors' folders call oblique pairs.
-        let rules = [
-            ("nadir", Self::BelowFirstCamera),
-            ("oblique", Self::AxesCrossing),
-            ("pitch", Self::AxesCrossing),
-        ];
-        rules.into_iter().find(|(prefix, _)| name.starts_with(prefix)).map(|(_, rule)| rule)
+    /// The rule of a trajectory. Dynamic pairs have none: their cameras look past the site.
+    pub fn of_trajectory(trajectory: Trajectory) -> Option<Self> {
+        match trajectory {
+            Trajectory::Nadir => Some(Self::BelowFirstCamera),
+            Trajectory::Oblique => Some(Self::AxesCrossing),
+            _ => None,
+        }
     }
 }
 
@@ -130,31 +128,31 @@ impl Scene {
     /// # Errors
     /// [`Error`] for files that are broken, and if a view has no depth or no camera under any light.
     pub fn read(
+        stored: &StoredPair,
         pair: &TripletPair,
         rule: SiteRule,
         settings: &Settings,
         skipped: &mut Vec<Skipped>,
     ) -> Result<Self, Error> {
-        let surfaces =
-            [read_surface(pair, 0, settings.k_convention)?, read_surface(pair, 1, settings.k_convention)?];
+        let open = stored.open()?;
+        let [a, b] = ViewName::BOTH.map(|view| ViewSurface::new(&open.raw_view(view)?));
+        let surfaces = [a?, b?];
         let site = site(rule, &surfaces.each_ref().map(|s| s.world_from_cam), &settings.body)?;
         let mut pictures = Vec::new();
         for (&light_idx, views) in &pair.lights {
-            for (view_idx, triplet) in views.iter().enumerate() {
-                let Some(Triplet { jpg: Some(path), .. }) = triplet else {
-                    let number =
-                        2 * (pair.pair_id * stereolunar::LIGHTS_PER_PAIR + light_idx) + view_idx as u64;
-                    let path = PathBuf::from(format!("{}.jpg", stereolunar::stem(number)));
+            for (view, triplet) in ViewName::BOTH.into_iter().zip(views) {
+                let Some(Triplet { jpg: Some(jpg), .. }) = triplet else {
+                    let path = PathBuf::from(format!("{}.jpg", pair.stem(light_idx, view)));
                     skipped.push(Skipped { path, reason: "the picture is missing".into() });
                     continue;
                 };
-                let facets = &surfaces[view_idx].facets;
-                let levels = stereolunar::read_image(path, facets.width, facets.height)?;
+                let facets = &surfaces[view as usize].facets;
+                let picture = read_picture(&stored.place, jpg, (facets.width, facets.height))?;
                 pictures.push(ScenePicture {
-                    path: path.clone(),
+                    path: stored.place.path(jpg),
                     light_idx: light_idx as usize,
-                    view_idx,
-                    levels,
+                    view_idx: view as usize,
+                    levels: grey8(&picture),
                 });
             }
         }
@@ -219,25 +217,6 @@ impl Scene {
     }
 }
 
-fn read_surface(
-    pair: &TripletPair,
-    view_idx: usize,
-    k_convention: PixelConvention,
-) -> Result<ViewSurface, Error> {
-    let triplets = || pair.lights.values().filter_map(|views| views[view_idx].as_ref());
-    let exr = triplets().find_map(|triplet| triplet.exr.as_ref());
-    let npz = triplets().find_map(|triplet| triplet.npz.as_ref());
-    let (Some(exr), Some(npz)) = (exr, npz) else {
-        let first = 2 * pair.pair_id * stereolunar::LIGHTS_PER_PAIR + view_idx as u64;
-        return Err(Error::Format {
-            path: PathBuf::from(stereolunar::stem(first)),
-            expected: "an .exr and an .npz under at least one light".into(),
-            found: "none".into(),
-        });
-    };
-    ViewSurface::new(&stereolunar::read_raw_view(exr, npz, k_convention)?)
-}
-
 /// The place whose east, north and up the Sun's angles are measured in.
 pub(crate) fn site(
     rule: SiteRule,
@@ -275,27 +254,26 @@ pub fn check(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Report, Error> {
     let (mut images, mut skipped) = (Vec::new(), Vec::new());
-    let mut jobs: Vec<(PathBuf, SiteRule, TripletPair)> = Vec::new();
-    let scenes = stereolunar::scenes(root)?;
-    if scenes.is_empty() {
-        return Err(Error::Format {
-            path: root.to_owned(),
-            expected: "triplets `im_NNNNN.jpg/.exr/.npz` here or one folder below".into(),
-            found: "none".into(),
-        });
+    let found = stored::find(root, ReadOptions::with_convention(settings.k_convention))?;
+    let triplets: Vec<_> = found.iter().filter_map(|stored| Some((stored, stored.triplets()?))).collect();
+    if triplets.is_empty() {
+        let expected = "triplets `im_NNNNN.jpg/.exr/.npz` here or in folders below";
+        return Err(Error::unexpected(root, expected, "none"));
     }
-    for folder in scenes {
-        let Some(rule) = SiteRule::of_folder(&folder) else {
-            let reason = "the site is known for folders named `nadir…` and `oblique…` (or `pitch…`) only";
-            skipped.push(Skipped { path: folder, reason: reason.into() });
-            continue;
-        };
-        let pairs = stereolunar::scan(&folder)?;
-        jobs.extend(pairs.into_iter().map(|pair| (folder.clone(), rule, pair)));
+    let mut jobs = Vec::new();
+    for pairs in triplets.chunk_by(|(a, _), (b, _)| a.place == b.place) {
+        let place = &pairs[0].0.place;
+        match trajectory_of(&place.name()).and_then(SiteRule::of_trajectory) {
+            Some(rule) => jobs.extend(pairs.iter().map(|(stored, pair)| (*stored, *pair, rule))),
+            None => {
+                let reason = "the site is known for folders named `nadir…` and `oblique…` (or `pitch…`) only";
+                skipped.push(Skipped { path: place.root().to_owned(), reason: reason.into() });
+            }
+        }
     }
-    for (done, (folder, rule, pair)) in jobs.iter().enumerate() {
-        if has_geometry(folder, pair, &mut skipped) {
-            let scene = Scene::read(pair, *rule, settings, &mut skipped)?;
+    for (done, (stored, pair, rule)) in jobs.iter().enumerate() {
+        if has_geometry(stored, pair, &mut skipped) {
+            let scene = Scene::read(stored, pair, *rule, settings, &mut skipped)?;
             let mut look = |picture: &ScenePicture, rendered: &Raster<f64>, fit: &ImageFit| match pictures {
                 Some(out) => write_beside(out, picture, rendered, fit.gain),
                 None => Ok(()),
@@ -308,18 +286,15 @@ pub fn check(
 }
 
 /// Whether both views have depth and a camera under at least one light; what has not is noted.
-fn has_geometry(folder: &Path, pair: &TripletPair, skipped: &mut Vec<Skipped>) -> bool {
+fn has_geometry(stored: &StoredPair, pair: &TripletPair, skipped: &mut Vec<Skipped>) -> bool {
     let mut whole = true;
-    for view_idx in 0..2 {
-        let has = |of: fn(&Triplet) -> bool| {
-            pair.lights.values().filter_map(|views| views[view_idx].as_ref()).any(of)
-        };
+    for view in ViewName::BOTH {
+        let has = |of: fn(&Triplet) -> bool| pair.triplets(view).any(of);
         let missing = [("exr", has(|t| t.exr.is_some())), ("npz", has(|t| t.npz.is_some()))]
             .map(|(e, is)| (!is).then_some(e));
         for extension in missing.into_iter().flatten() {
-            let number = 2 * pair.pair_id * stereolunar::LIGHTS_PER_PAIR + view_idx as u64;
             skipped.push(Skipped {
-                path: folder.join(format!("{}.{extension}", stereolunar::stem(number))),
+                path: stored.place.path(&format!("{}.{extension}", pair.stem(0, view))),
                 reason: "the file is missing under every light: its pair is left out".into(),
             });
             whole = false;

@@ -2,7 +2,7 @@
 
 use super::dequantise::dequantise;
 use crate::Error;
-use crate::import::RawView;
+use crate::stored::RawView;
 use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 use selenograph_geometry::pixel::center_of;

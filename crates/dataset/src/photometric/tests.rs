@@ -10,11 +10,11 @@ fn samples(test: &str) -> Vec<Scene> {
     let root = workspace.join(shared).join("data/stereolunar");
     let settings = Settings::default();
     let mut scenes = Vec::new();
-    for folder in stereolunar::scenes(&root).unwrap_or_default() {
-        let Some(rule) = SiteRule::of_folder(&folder) else { continue };
-        for pair in stereolunar::scan(&folder).unwrap() {
-            scenes.push(Scene::read(&pair, rule, &settings, &mut Vec::new()).unwrap());
-        }
+    for stored in stored::find(&root, ReadOptions::default()).unwrap_or_default() {
+        let trajectory = trajectory_of(&stored.place.name());
+        let Some(rule) = trajectory.and_then(SiteRule::of_trajectory) else { continue };
+        let pair = stored.triplets().unwrap();
+        scenes.push(Scene::read(&stored, pair, rule, &settings, &mut Vec::new()).unwrap());
     }
     match scenes.is_empty() {
         true => eprintln!("SKIP shared-data: {test}: no nadir or oblique pairs in {}", root.display()),
@@ -166,9 +166,10 @@ fn sites_follow_their_rules() {
 
 #[test]
 fn trajectories_are_told_by_the_folder() {
-    assert_eq!(SiteRule::of_folder(Path::new("x/nadir_1")), Some(SiteRule::BelowFirstCamera));
-    assert_eq!(SiteRule::of_folder(Path::new("pitch_clean_0_90")), Some(SiteRule::AxesCrossing));
-    assert_eq!(SiteRule::of_folder(Path::new("dynamic_1")), None);
+    let rule = |scene: &str| trajectory_of(scene).and_then(SiteRule::of_trajectory);
+    assert_eq!(rule("nadir_1"), Some(SiteRule::BelowFirstCamera));
+    assert_eq!(rule("pitch_clean_0_90"), Some(SiteRule::AxesCrossing));
+    assert_eq!(rule("dynamic_1"), None);
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use super::interval::{Interval, check_number};
 use super::lighting::Light;
+use super::rendering::{OutputSection, RenderSection, ToneSection};
 use super::sections::{
     DescentSection, DynamicSection, IdenticalSection, LowLightSection, NadirSection, NoOverlapSection,
     ObliqueSection,
 };
 use crate::Error;
-use crate::generate::settings::{OutputSection, RenderSection, ToneSection};
 use selenograph_geometry::{Camera, Distortion};
 use selenograph_render::Shadows;
 use selenograph_terrain::cover::CoverLimits;

@@ -90,24 +90,24 @@ pub fn draw_suns(lights: &[Light], elevation_deg: Option<Interval>, stream: &mut
         .collect()
 }
 
-/// The Sun that the reference scripts' `(azimuth, incidence)` really gives: they use the incidence as an elevation
-/// in sine and cosine, so that above 90° the azimuth flips.
-///
-/// # Source
-/// `sun_position_local` of the StereoLunar trajectory scripts; confirmed on the sample pictures to 0.4°.
-pub fn sun_of_the_scripts(azimuth_deg: f64, incidence_deg: f64) -> SunAngles {
-    let (sin_el, cos_el) = incidence_deg.to_radians().sin_cos();
-    let flip = if cos_el < 0.0 { 180.0 } else { 0.0 };
-    SunAngles {
-        azimuth_deg: wrap_360_deg(azimuth_deg + flip),
-        elevation_deg: sin_el.atan2(cos_el.abs()).to_degrees(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::rng;
+
+    /// The Sun that the reference scripts' `(azimuth, incidence)` really gives: they use the incidence as an elevation
+    /// in sine and cosine, so that above 90° the azimuth flips.
+    ///
+    /// # Source
+    /// `sun_position_local` of the StereoLunar trajectory scripts; confirmed on the sample pictures to 0.4°.
+    fn sun_of_the_scripts(azimuth_deg: f64, incidence_deg: f64) -> SunAngles {
+        let (sin_el, cos_el) = incidence_deg.to_radians().sin_cos();
+        let flip = if cos_el < 0.0 { 180.0 } else { 0.0 };
+        SunAngles {
+            azimuth_deg: wrap_360_deg(azimuth_deg + flip),
+            elevation_deg: sin_el.atan2(cos_el.abs()).to_degrees(),
+        }
+    }
 
     #[test]
     fn the_three_suns_of_the_paper() {

@@ -3,16 +3,17 @@
 //! A row is a pure function of the campaign, the terrain and the pair's number: the shard, the order and the number of
 //! threads change nothing.
 
-pub mod campaign;
-pub mod coverage;
-pub mod flight;
-pub mod ground;
-pub mod interval;
-pub mod lighting;
+mod campaign;
+pub(crate) mod coverage;
+mod flight;
+pub(crate) mod ground;
+pub(crate) mod interval;
+mod lighting;
 pub mod preset;
-pub mod sections;
-pub mod site;
-pub mod table;
+pub(crate) mod rendering;
+mod sections;
+mod site;
+mod table;
 
 pub use campaign::{Campaign, Placement};
 pub use coverage::Refusal;

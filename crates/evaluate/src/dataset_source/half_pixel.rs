@@ -1,11 +1,10 @@
 //! Are principal points where the files put them? Found from the truth itself, mended, and told.
 
-use super::load::{Geometry, read_geometry};
+use super::load::{depth_view, read_truth};
 use super::{Entry, spread};
 use selenograph_dataset::check::numbers::moved;
 use selenograph_dataset::check::principal_point::{self, PrincipalPoint, Verdict};
-use selenograph_dataset::check::reprojection::View;
-use selenograph_geometry::{Camera, PixelConvention, pixel};
+use selenograph_geometry::{Camera, pixel};
 
 /// Pairs that are asked; the fit of a few already tells half a pixel from none by tens of sigmas.
 const NUM_ASKED: usize = 8;
@@ -15,8 +14,6 @@ const STEP: usize = 4;
 /// Where the principal points are measured from, and what is done about it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PixelFault {
-    /// What the triplets' matrices are read as.
-    pub k_convention: PixelConvention,
     /// Half pixels that are added to every principal point after reading: −1, 0 or 1.
     pub shift_half_pixels: i32,
     /// What has to be told, if anything.
@@ -31,24 +28,19 @@ impl PixelFault {
     }
 }
 
-/// Asks some pairs; what the user said of triplets (`told`) holds, and is contradicted aloud.
-pub fn find(entries: &[Entry], told: Option<PixelConvention>) -> PixelFault {
-    let k_convention = told.unwrap_or(PixelConvention::Corner);
-    let mut fault = PixelFault { k_convention, shift_half_pixels: 0, told: None };
+/// Asks some pairs; what the user said of triplets (`is_told`) holds, and is contradicted aloud.
+pub fn find(entries: &[Entry], is_told: bool) -> PixelFault {
+    let mut fault = PixelFault { shift_half_pixels: 0, told: None };
     let evidence: Vec<_> = spread(entries.iter().collect(), NUM_ASKED.min(entries.len()))
         .into_iter()
-        .filter_map(|entry| read_geometry(entry, &fault).ok())
-        .filter_map(|geometry: Geometry| {
-            let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| View {
-                camera,
-                world_from_cam,
-                depth_z,
-            });
+        .filter_map(|entry| read_truth(&entry.pair.open().ok()?, &fault).ok())
+        .filter_map(|(truth, _)| {
+            let [a, b] = truth.views.each_ref().map(depth_view);
             principal_point::evidence(&a, &b, STEP)
         })
         .collect();
     if let Some(point) = principal_point::combine(&evidence) {
-        decide(&point, told.is_some(), &mut fault);
+        decide(&point, is_told, &mut fault);
     }
     fault
 }

@@ -1,76 +1,46 @@
 //! A pair in memory: cameras, poses, truth, pictures under the lights asked for, and what describes an item.
 
-use super::{Entry, PixelFault, Place};
+use super::{Entry, PixelFault};
 use crate::Error;
 use crate::truth::{Precision, TruthPair, TruthView};
-use selenograph_dataset::check::reprojection::{OUTLIER, View as WarpView, warp};
-use selenograph_dataset::import::stereolunar::{self, Triplet, TripletPair};
-use selenograph_dataset::import::{RawView, selenograph};
-use selenograph_dataset::pair::{PAIR_NAME, PairRecord, Trajectory, ViewName, image_name, read_json};
+use selenograph_dataset::check::reprojection::{DepthView, OUTLIER, warp};
+use selenograph_dataset::pair::{PairRecord, Trajectory, ViewName};
 use selenograph_dataset::photometric;
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3, Vector3};
+use selenograph_dataset::stored::OpenPair;
+use selenograph_geometry::{Body, Vector3};
 use selenograph_raster::codec::exr::SampleType;
-use selenograph_raster::codec::{jpeg, png};
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::View;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 
 /// Every this many pixels across and down are warped for the overlap.
 const OVERLAP_STEP: usize = 2;
 
-/// Cameras, poses and truth of a pair.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Geometry {
-    /// The cameras, measured from the corner, with a half-pixel fault mended.
-    pub cameras: [Camera; 2],
-    /// The poses.
-    pub world_from_cam: [Rigid3<BodyFixed, Cam>; 2],
-    /// z-depth, metres, NaN where absent.
-    pub depth_z: [Raster<f32>; 2],
-    /// Whether depth was stored in 11 significant bits.
-    pub is_half_float: bool,
+/// Cameras, poses and depth of a pair as the metrics take them, a half-pixel fault mended; and whether depth was stored in 11
+/// significant bits.
+///
+/// # Errors
+/// [`Error::Dataset`] for files that are missing, broken or contradict each other, and for a view without depth.
+pub fn read_truth(pair: &OpenPair<'_>, pixels: &PixelFault) -> Result<(TruthPair, bool), Error> {
+    let view = |name: ViewName| {
+        let raw = pair.agreed_view(name)?;
+        let depth_z = raw.depth_or_nan();
+        if depth_z.data.iter().all(|z| z.is_nan()) {
+            let expected = "depth in at least one pixel";
+            return Err(selenograph_dataset::Error::NoTruth { path: raw.path, expected });
+        }
+        let (camera, world_from_cam) = (pixels.mended(&raw.camera()?), raw.world_from_cam()?);
+        let precision = Precision::of(&depth_z);
+        Ok((TruthView { camera, world_from_cam, depth_z, precision }, raw.depth_stored == SampleType::Half))
+    };
+    let ((a, half_a), (b, half_b)) = (view(ViewName::A)?, view(ViewName::B)?);
+    Ok((TruthPair { views: [a, b] }, half_a || half_b))
 }
 
-impl Geometry {
-    /// The truth as the metrics take it.
-    pub fn truth(&self) -> TruthPair {
-        TruthPair {
-            views: self.each_view(|camera, world_from_cam, depth_z| TruthView {
-                camera: camera.clone(),
-                world_from_cam: *world_from_cam,
-                depth_z: depth_z.clone(),
-                precision: Precision::of(depth_z),
-            }),
-        }
-    }
-
-    /// Something of each view.
-    pub fn each_view<'a, T>(
-        &'a self,
-        mut of: impl FnMut(&'a Camera, &'a Rigid3<BodyFixed, Cam>, &'a Raster<f32>) -> T,
-    ) -> [T; 2] {
-        [0, 1].map(|k| of(&self.cameras[k], &self.world_from_cam[k], &self.depth_z[k]))
-    }
-
-    fn of_raw(raws: &[RawView; 2], pixels: &PixelFault) -> Result<Self, Error> {
-        let [a, b] = raws;
-        for raw in raws {
-            if !raw.depth_z.data.iter().any(|z| z.is_finite() && *z > 0.0) {
-                let expected = "depth in at least one pixel";
-                return Err(selenograph_dataset::Error::NoTruth { path: raw.path.clone(), expected }.into());
-            }
-        }
-        let as_nan =
-            |raw: &RawView| raw.depth_z.map(|&z| if z.is_finite() && z > 0.0 { z } else { f32::NAN });
-        Ok(Self {
-            cameras: [pixels.mended(&a.camera()?), pixels.mended(&b.camera()?)],
-            world_from_cam: [a.world_from_cam()?, b.world_from_cam()?],
-            depth_z: [as_nan(a), as_nan(b)],
-            is_half_float: raws.iter().any(|raw| raw.depth_stored == SampleType::Half),
-        })
-    }
+/// A view as depth is warped from it and into it.
+pub(super) fn depth_view(view: &TruthView) -> DepthView<'_> {
+    DepthView { camera: &view.camera, world_from_cam: &view.world_from_cam, depth_z: &view.depth_z }
 }
 
 /// What describes an item, whatever the method.
@@ -113,8 +83,10 @@ pub struct LoadedPair {
     pub trajectory: Option<Trajectory>,
     /// The body.
     pub body: Body,
-    /// Cameras, poses, truth.
-    pub geometry: Geometry,
+    /// Cameras, poses, depth.
+    pub truth: TruthPair,
+    /// Whether depth was stored in 11 significant bits.
+    pub is_half_float: bool,
     /// The pictures of A and B as fractions of white, by the number of their light.
     pub pictures: BTreeMap<u64, [Raster<f32>; 2]>,
     /// Lights whose pictures cannot be read, each with the reason.
@@ -129,21 +101,23 @@ impl LoadedPair {
     /// # Errors
     /// [`Error::Dataset`] and [`Error::Raster`] if cameras or truth are missing, broken or of another size.
     pub fn read(entry: &Entry, pixels: &PixelFault) -> Result<Self, Error> {
-        let geometry = read_geometry(entry, pixels)?;
+        let pair = entry.pair.open()?;
+        let (truth, is_half_float) = read_truth(&pair, pixels)?;
         let (mut pictures, mut left_out) = (BTreeMap::new(), Vec::new());
         let lights: BTreeSet<u64> = entry.lights.iter().flatten().copied().collect();
         for light in lights {
-            match read_pictures(entry, light, &geometry) {
+            match read_pictures(&pair, light, &truth) {
                 Ok(both) => drop(pictures.insert(light, both)),
                 Err(error) => left_out.push(format!("{} light {light}: {error}", entry.name)),
             }
         }
-        let (body, suns_deg) = body_and_suns(entry)?;
+        let (body, suns_deg) = body_and_suns(pair.record);
         Ok(Self {
             name: entry.name.clone(),
             trajectory: entry.trajectory,
             body,
-            geometry,
+            truth,
+            is_half_float,
             pictures,
             left_out,
             suns_deg,
@@ -155,7 +129,7 @@ impl LoadedPair {
         let view = |light: u64, k: usize| {
             Some(View {
                 image: self.pictures.get(&light)?[k].clone(),
-                camera: self.geometry.cameras[k].clone(),
+                camera: self.truth.views[k].camera.clone(),
             })
         };
         Some([view(light_a, 0)?, view(light_b, 1)?])
@@ -184,24 +158,19 @@ impl LoadedPair {
     }
 
     fn pair_item(&self) -> ItemRecord {
-        let geometry = &self.geometry;
-        let [a, b] = geometry.each_view(|camera, world_from_cam, depth_z| WarpView {
-            camera,
-            world_from_cam,
-            depth_z,
-        });
+        let [a, b] = self.truth.views.each_ref().map(depth_view);
         let warped = warp(&a, &b, OVERLAP_STEP);
         let seen = warped.relative_errors.iter().filter(|error| error.abs() < OUTLIER).count();
         let along = |side: usize| (OVERLAP_STEP / 2..side).step_by(OVERLAP_STEP).count();
         let num_warped = (along(a.camera.width) * along(a.camera.height)).max(1);
-        let depths = geometry.depth_z[0].data.iter().map(|z| f64::from(*z));
+        let depths = self.truth.views[0].depth_z.data.iter().map(|z| f64::from(*z));
         let median_z = statistics::median(depths).unwrap_or(f64::NAN);
-        let ground = geometry.world_from_cam[0].point(&nalgebra::Point3::new(0.0, 0.0, median_z));
+        let ground = self.truth.views[0].world_from_cam.point(&nalgebra::Point3::new(0.0, 0.0, median_z));
         let ground_height = self.body.height_m(&ground);
         let [high_a, high_b] =
-            geometry.world_from_cam.each_ref().map(|pose| self.body.height_m(&pose.origin()) - ground_height);
+            [&a, &b].map(|view| self.body.height_m(&view.world_from_cam.origin()) - ground_height);
         let altitude_m = 0.5 * (high_a + high_b);
-        let [a_pose, b_pose] = &geometry.world_from_cam;
+        let (a_pose, b_pose) = (a.world_from_cam, b.world_from_cam);
         ItemRecord {
             pair: self.name.clone(),
             trajectory: self.trajectory,
@@ -211,11 +180,11 @@ impl LoadedPair {
             sun_a_deg: None,
             sun_b_deg: None,
             altitude_m,
-            gsd_m: geometry.cameras[0].gsd_m(median_z),
+            gsd_m: a.camera.gsd_m(median_z),
             overlap_share: seen as f64 / num_warped as f64,
             baseline_over_height: (b_pose.origin() - a_pose.origin()).norm() / altitude_m,
             relative_rotation_deg: (&b_pose.inverse() * a_pose).rotation_angle_rad().to_degrees(),
-            truth_is_half_float: geometry.is_half_float,
+            truth_is_half_float: self.is_half_float,
         }
     }
 }
@@ -226,106 +195,29 @@ fn direction([azimuth_deg, elevation_deg]: [f64; 2]) -> Vector3<f64> {
     Vector3::new(elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos(), elevation.sin())
 }
 
-fn body_and_suns(entry: &Entry) -> Result<(Body, BTreeMap<u64, [f64; 2]>), Error> {
-    match &entry.place {
-        Place::Own(folder) => {
-            let record: PairRecord = read_json(&folder.join(PAIR_NAME))?;
-            let suns = (0..).zip(&record.suns);
-            let known = suns.filter_map(|(light, sun)| Some((light, sun.as_ref()?)));
-            let angles = known.map(|(light, sun)| (light, [sun.azimuth_deg, sun.elevation_deg])).collect();
-            Ok((record.body, angles))
+/// The body, and azimuth and elevation of each Sun that is known.
+fn body_and_suns(record: Option<PairRecord>) -> (Body, BTreeMap<u64, [f64; 2]>) {
+    match record {
+        Some(record) => {
+            let suns = (0..).zip(record.suns);
+            let known = suns.filter_map(|(light, sun)| Some((light, sun?)));
+            (record.body, known.map(|(light, sun)| (light, [sun.azimuth_deg, sun.elevation_deg])).collect())
         }
-        // The files hold no Sun; those of the authors' scripts were confirmed on the samples' pictures.
-        Place::Triplets(..) => {
+        // Triplets hold no Sun; those of the authors' scripts were confirmed on the samples' pictures.
+        None => {
             let scripts = photometric::Settings::default();
             let suns = (0..).zip(&scripts.suns);
             let angles = suns.map(|(light, sun)| (light, [sun.azimuth_deg, sun.elevation_deg])).collect();
-            Ok((scripts.body, angles))
+            (scripts.body, angles)
         }
     }
 }
 
-/// Cameras, poses and truth of a pair.
-///
-/// # Errors
-/// [`Error::Dataset`] for files that are missing, broken or contradict each other.
-pub fn read_geometry(entry: &Entry, pixels: &PixelFault) -> Result<Geometry, Error> {
-    match &entry.place {
-        Place::Own(folder) => {
-            let [a, b] = ViewName::BOTH.map(|view| selenograph::read_raw_view(folder, view));
-            Geometry::of_raw(&[a?.0, b?.0], pixels)
-        }
-        Place::Triplets(scene, pair) => {
-            let [a, b] = [0, 1].map(|view_idx| read_triplet_view(scene, pair, view_idx, pixels));
-            Geometry::of_raw(&[a?, b?], pixels)
-        }
-    }
-}
-
-/// The geometry of one view, which every light repeats: lights whose files differ make the pair unusable.
-fn read_triplet_view(
-    scene: &Path,
-    pair: &TripletPair,
-    view_idx: usize,
-    pixels: &PixelFault,
-) -> Result<RawView, Error> {
-    let triplets = || pair.lights.values().filter_map(|light| light[view_idx].as_ref());
-    let first = |pick: fn(&Triplet) -> Option<&PathBuf>| triplets().find_map(pick);
-    let (Some(exr), Some(npz)) = (first(|t| t.exr.as_ref()), first(|t| t.npz.as_ref())) else {
-        let stem = stereolunar::stem(2 * stereolunar::LIGHTS_PER_PAIR * pair.pair_id + view_idx as u64);
-        let expected = "an .exr and an .npz under at least one light";
-        return Err(selenograph_dataset::Error::NoTruth { path: scene.join(stem), expected }.into());
+/// The pictures of A and B as fractions of white.
+fn read_pictures(pair: &OpenPair<'_>, light: u64, truth: &TruthPair) -> Result<[Raster<f32>; 2], Error> {
+    let read = |view: ViewName| {
+        let depth_z = &truth.views[view as usize].depth_z;
+        Ok::<_, Error>(pair.picture(view, light, (depth_z.width, depth_z.height))?.to_unit_grey())
     };
-    let raw = stereolunar::read_raw_view(exr, npz, pixels.k_convention)?;
-    let bytes = |path: &Path| std::fs::read(path).map_err(Error::io("read", path));
-    let (exr_bytes, npz_bytes) = (bytes(exr)?, bytes(npz)?);
-    for triplet in triplets() {
-        let (other_exr, other_npz) =
-            (triplet.exr.as_deref().unwrap_or(exr), triplet.npz.as_deref().unwrap_or(npz));
-        // Files that are the same need no decoding.
-        if bytes(other_exr)? == exr_bytes && bytes(other_npz)? == npz_bytes {
-            continue;
-        }
-        let other = stereolunar::read_raw_view(other_exr, other_npz, pixels.k_convention)?;
-        let bits = |raw: &RawView| raw.depth_z.data.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
-        if bits(&other) != bits(&raw) || other.k != raw.k || other.world_from_cam != raw.world_from_cam {
-            return Err(Error::Format {
-                path: other_exr.to_owned(),
-                expected: format!("the depth, pose and camera of {}", exr.display()),
-                found: "another one: the lights of a pair share their geometry".into(),
-            });
-        }
-    }
-    Ok(raw)
-}
-
-fn read_pictures(entry: &Entry, light: u64, geometry: &Geometry) -> Result<[Raster<f32>; 2], Error> {
-    let paths: [Option<PathBuf>; 2] = match &entry.place {
-        Place::Own(folder) => {
-            ViewName::BOTH.map(|view| Some(folder.join(image_name(view, usize::try_from(light).ok()?))))
-        }
-        Place::Triplets(_, pair) => [0, 1]
-            .map(|k| pair.lights.get(&light).and_then(|views| views[k].as_ref()).and_then(|t| t.jpg.clone())),
-    };
-    let read = |path: &Option<PathBuf>, k: usize| {
-        let Some(path) = path else {
-            return Err(Error::Format {
-                path: PathBuf::from(&entry.name),
-                expected: format!("pictures of both views under light {light}"),
-                found: "one is missing".into(),
-            });
-        };
-        let is_png = path.extension().is_some_and(|extension| extension == "png");
-        let picture = if is_png { png::read(path)? } else { jpeg::read(path)? }.to_unit_grey();
-        let size = (geometry.depth_z[k].width, geometry.depth_z[k].height);
-        if (picture.width, picture.height) != size {
-            return Err(Error::Format {
-                path: path.clone(),
-                expected: format!("{}×{} pixels, as the truth has", size.0, size.1),
-                found: format!("{}×{}", picture.width, picture.height),
-            });
-        }
-        Ok(picture)
-    };
-    Ok([read(&paths[0], 0)?, read(&paths[1], 1)?])
+    Ok([read(ViewName::A)?, read(ViewName::B)?])
 }

@@ -7,15 +7,11 @@ pub use half_pixel::PixelFault;
 pub use load::LoadedPair;
 
 use crate::Error;
-use selenograph_dataset::import::stereolunar::{self, Triplet, TripletPair};
-use selenograph_dataset::pair::{PAIR_NAME, PairRecord, Trajectory, list_pairs, read_json};
-use selenograph_dataset::photometric::SiteRule;
+use selenograph_dataset::pair::Trajectory;
+use selenograph_dataset::stored::{self, ReadOptions, StoredPair, Triplet};
 use selenograph_geometry::PixelConvention;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-
-/// Folders are looked for this deep below the one that is given.
-const MAX_FOLDERS_DEEP: usize = 4;
 
 /// Which lights make an item of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -45,15 +41,6 @@ pub struct Choice {
     pub lights: LightChoice,
 }
 
-/// Where a pair's files are.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Place {
-    /// A pair folder of ours.
-    Own(PathBuf),
-    /// Triplets in a scene's folder.
-    Triplets(PathBuf, TripletPair),
-}
-
 /// A pair that may be evaluated, not yet read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
@@ -61,8 +48,8 @@ pub struct Entry {
     pub name: String,
     /// How it was flown, as far as the files or the folder's name tell.
     pub trajectory: Option<Trajectory>,
-    /// Where it is.
-    pub place: Place,
+    /// Its files.
+    pub pair: StoredPair,
     /// Numbers of the lights of A and B that make items.
     pub lights: Vec<[u64; 2]>,
     /// Lights that cannot make items, each with the reason.
@@ -91,9 +78,14 @@ impl Source {
     /// [`Error::NoPairs`] if there is nothing to evaluate, or a filter leaves nothing; [`Error::Dataset`] if a folder cannot
     /// be read.
     pub fn open(root: &Path, choice: &Choice) -> Result<Self, Error> {
-        let mut found = Found::default();
-        look_below(root, root, 0, &mut found)?;
-        let Found { mut entries, broken, mut hash } = found;
+        let k_convention = choice.k_convention.unwrap_or(PixelConvention::Corner);
+        let (mut entries, mut broken, mut hash) = (Vec::new(), Vec::new(), blake3::Hasher::new());
+        for pair in stored::find(root, ReadOptions::with_convention(k_convention))? {
+            match entry(&pair, &mut hash) {
+                Ok(entry) => entries.push(entry),
+                Err(error) => broken.push((pair.name, error.to_string())),
+            }
+        }
         if entries.is_empty() && broken.is_empty() {
             let why = "neither `pairs/…` nor `im_NNNNN.jpg/.exr/.npz` here or below".into();
             return Err(Error::NoPairs { path: root.to_owned(), why });
@@ -110,7 +102,7 @@ impl Source {
             let why = format!("the filters leave none of {num_found} pairs with items");
             return Err(Error::NoPairs { path: root.to_owned(), why });
         }
-        let pixels = half_pixel::find(&entries, choice.k_convention);
+        let pixels = half_pixel::find(&entries, choice.k_convention.is_some());
         hash.update(format!("{:?}", pixels.shift_half_pixels).as_bytes());
         let fingerprint = hash.finalize().to_hex().to_string();
         Ok(Self { root: root.to_owned(), entries, broken, pixels, fingerprint })
@@ -122,103 +114,30 @@ impl Source {
     }
 }
 
-/// What a walk has found.
-#[derive(Default)]
-struct Found {
-    entries: Vec<Entry>,
-    broken: Vec<(String, String)>,
-    hash: blake3::Hasher,
-}
-
-/// Collects the pairs of `folder` and of the folders in it, by name.
-fn look_below(root: &Path, folder: &Path, level: usize, found: &mut Found) -> Result<(), Error> {
-    let own = list_pairs(folder)?;
-    if !own.is_empty() {
-        add_own(root, folder, own, found);
-        return Ok(());
+/// What may be evaluated of a pair; its name, its description and the sizes of its files go into the hash.
+fn entry(pair: &StoredPair, hash: &mut blake3::Hasher) -> Result<Entry, Error> {
+    let name = pair.name.clone();
+    hash.update(name.as_bytes());
+    let open = pair.open()?;
+    if let Some(record) = &open.record {
+        // The record holds the checksum of every other file of the pair.
+        hash.update(format!("{:?}", record.files).as_bytes());
     }
-    let triplets = stereolunar::scan(folder)?;
-    if !triplets.is_empty() {
-        add_triplets(root, folder, triplets, found);
-        return Ok(());
-    }
-    if level == MAX_FOLDERS_DEEP {
-        return Ok(());
-    }
-    let mut below: Vec<PathBuf> = std::fs::read_dir(folder)
-        .map_err(Error::io("read", folder))?
-        .filter_map(|entry| entry.ok().map(|entry| entry.path()))
-        .filter(|path| path.is_dir())
-        .collect();
-    below.sort();
-    below.iter().try_for_each(|path| look_below(root, path, level + 1, found))
-}
-
-/// A name below the root: `sub/name`, or `name` alone.
-fn name_below(root: &Path, folder: &Path, name: &str) -> String {
-    let parts = folder.strip_prefix(root).unwrap_or(folder).iter().map(|part| part.to_string_lossy());
-    parts.map(std::borrow::Cow::into_owned).chain([name.to_owned()]).collect::<Vec<_>>().join("/")
-}
-
-fn add_own(root: &Path, dataset: &Path, pairs: Vec<(u64, PathBuf)>, found: &mut Found) {
-    for (pair_id, folder) in pairs {
-        let name = name_below(root, dataset, &format!("{pair_id:06}"));
-        let path = folder.join(PAIR_NAME);
-        found.hash.update(name.as_bytes());
-        match read_json::<PairRecord>(&path) {
-            Ok(record) => {
-                // The record holds the checksum of every other file of the pair.
-                found.hash.update(format!("{:?}", record.files).as_bytes());
-                found.entries.push(Entry {
-                    name,
-                    trajectory: record.trajectory,
-                    place: Place::Own(folder),
-                    lights: (0..record.suns.len() as u64).map(|light| [light; 2]).collect(),
-                    left_out: Vec::new(),
-                });
-            }
-            Err(error) => found.broken.push((name, error.to_string())),
+    let (lights, mut left_out) = (open.lights(), Vec::new());
+    if let Some(triplets) = pair.triplets() {
+        for file in triplets.lights.values().flatten().flatten().flat_map(Triplet::files) {
+            hash.update(format!("{:?} {}", Some(file), pair.place.size(file)).as_bytes());
         }
+        let lacking = triplets.lights.keys().filter(|light| !lights.contains(light));
+        left_out.extend(lacking.map(|light| format!("{name} light {light}: a picture is missing")));
     }
-}
-
-fn add_triplets(root: &Path, scene: &Path, pairs: Vec<TripletPair>, found: &mut Found) {
-    for pair in pairs {
-        let first = 2 * stereolunar::LIGHTS_PER_PAIR * pair.pair_id;
-        let name = name_below(root, scene, &stereolunar::stem(first));
-        found.hash.update(name.as_bytes());
-        let files = pair.lights.values().flatten().flatten();
-        for path in files.flat_map(|t| [&t.jpg, &t.exr, &t.npz]).flatten() {
-            let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-            found.hash.update(format!("{:?} {size}", path.file_name()).as_bytes());
-        }
-        let has_pictures =
-            |views: &[Option<Triplet>; 2]| views.iter().all(|v| v.as_ref().is_some_and(|t| t.jpg.is_some()));
-        let (whole, lacking): (Vec<_>, Vec<_>) =
-            pair.lights.iter().partition(|(_, views)| has_pictures(views));
-        found.entries.push(Entry {
-            trajectory: trajectory_of(scene),
-            lights: whole.iter().map(|(light, _)| [**light; 2]).collect(),
-            left_out: lacking
-                .iter()
-                .map(|(light, _)| format!("{name} light {light}: a picture is missing"))
-                .collect(),
-            name,
-            place: Place::Triplets(scene.to_owned(), pair),
-        });
-    }
-}
-
-/// How a folder of triplets was flown, by its name.
-fn trajectory_of(scene: &Path) -> Option<Trajectory> {
-    let name = scene.file_name()?.to_string_lossy().to_ascii_lowercase();
-    match SiteRule::of_folder(scene) {
-        Some(SiteRule::BelowFirstCamera) => Some(Trajectory::Nadir),
-        Some(SiteRule::AxesCrossing) => Some(Trajectory::Oblique),
-        // `landing` is what the authors' folders call dynamic pairs.
-        None if name.starts_with("dynamic") || name.starts_with("landing") => Some(Trajectory::Dynamic),
-        None => Trajectory::ALL.into_iter().find(|trajectory| name.starts_with(trajectory.as_str())),
-    }
+    Ok(Entry {
+        name,
+        trajectory: open.trajectory(),
+        lights: lights.into_iter().map(|light| [light; 2]).collect(),
+        left_out,
+        pair: pair.clone(),
+    })
 }
 
 /// The lights of the items, out of the same light for both views.
@@ -260,6 +179,7 @@ pub(crate) fn spread<T>(entries: Vec<T>, count: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use selenograph_dataset::pair::PAIR_NAME;
 
     #[test]
     fn lights_make_items() {
@@ -285,15 +205,6 @@ mod tests {
     fn a_limit_spreads() {
         assert_eq!(spread((0..10).collect(), 4), [0, 2, 5, 7]);
         assert_eq!(spread((0..3).collect(), 3), [0, 1, 2]);
-    }
-
-    #[test]
-    fn folders_of_triplets_tell_their_trajectory() {
-        let of = |name: &str| trajectory_of(Path::new(name));
-        assert_eq!(of("pitch_clean_0_90"), Some(Trajectory::Oblique));
-        assert_eq!(of("landingimages"), Some(Trajectory::Dynamic));
-        assert_eq!(of("descent_2"), Some(Trajectory::Descent));
-        assert_eq!(of("holiday"), None);
     }
 
     #[test]

@@ -59,7 +59,7 @@ impl ItemFigures {
         let pair = LoadedPair::read(entry, &source.pixels)?;
         let Some(views) = pair.views(lights) else { return Ok(None) };
         let settings = pair_metrics::Settings::default();
-        let prepared = PreparedTruth::new(&pair.geometry.truth(), &settings)?;
+        let prepared = PreparedTruth::new(&pair.truth, &settings)?;
         let session = network.map(Session::new);
         let mut drawn = vec![Drawn::of_truth(&prepared)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {

@@ -77,10 +77,10 @@ fn measure_pair(
     options: &RunOptions<'_>,
     result: &mut PairResult,
 ) -> Result<(), Error> {
-    let truth = pair.geometry.truth();
+    let truth = &pair.truth;
     let truths = Truths {
-        full: PreparedTruth::new(&truth, &settings.metrics)?,
-        rows: settings.reference_frame.as_ref().map(|rows| PreparedTruth::new(&truth, rows)).transpose()?,
+        full: PreparedTruth::new(truth, &settings.metrics)?,
+        rows: settings.reference_frame.as_ref().map(|rows| PreparedTruth::new(truth, rows)).transpose()?,
     };
     let session = options.network.map(Session::new);
     result.lines = vec![Vec::new(); settings.methods.len()];

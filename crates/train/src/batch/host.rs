@@ -116,7 +116,7 @@ impl HostBatch {
             if let Some(normals) = &mut self.epipolar_normals {
                 let planes = epipolar_normals(pair, first, view);
                 let order = StorageOrder::of(pair, view).indices();
-                normals[slot].extend(order.flat_map(|idx| planes.get(idx).copied().unwrap_or_default()));
+                normals[slot].extend(order.flat_map(|idx| planes[idx]));
             }
         }
         for first in [0, 1] {
@@ -131,22 +131,12 @@ impl HostBatch {
     /// Points of `view` in the frame of `first`.
     fn push_truth(&mut self, pair: &TrainingPair, first: usize, slot: usize, view: usize) {
         let order = StorageOrder::of(pair, view);
-        let truth = pair.views[view].truth.as_ref();
-        match pair.points(VIEWS[view], VIEWS[first]) {
-            Some(points) => {
-                let finite = |point: [f32; 3]| if point[0].is_finite() { point } else { [0.0; 3] };
-                self.points[slot].extend(order.indices().flat_map(|idx| finite(points[idx])));
-                self.valid[slot].extend(order.indices().map(|idx| points[idx][0].is_finite()));
-                self.sky[slot]
-                    .extend(order.indices().map(|idx| truth.is_some_and(|truth| truth.is_sky(idx))));
-            }
-            None => {
-                let len = order.width * order.height;
-                self.points[slot].extend(std::iter::repeat_n(0.0, 3 * len));
-                self.valid[slot].extend(std::iter::repeat_n(false, len));
-                self.sky[slot].extend(std::iter::repeat_n(false, len));
-            }
-        }
+        let truth = &pair.views[view].truth;
+        let points = pair.points(VIEWS[view], VIEWS[first]);
+        let finite = |point: [f32; 3]| if point[0].is_finite() { point } else { [0.0; 3] };
+        self.points[slot].extend(order.indices().flat_map(|idx| finite(points[idx])));
+        self.valid[slot].extend(order.indices().map(|idx| points[idx][0].is_finite()));
+        self.sky[slot].extend(order.indices().map(|idx| truth.is_sky(idx)));
     }
 
     fn push_matches(
@@ -281,10 +271,9 @@ impl StorageOrder {
     }
 }
 
-/// The local vertical at the ground that view `first` sees, in its camera's frame; zero without truth.
+/// The local vertical at the ground that view `first` sees, in its camera's frame; zero where no depth is known.
 fn up_in(pair: &TrainingPair, first: usize) -> [f32; 3] {
-    let points = pair.points(VIEWS[first], VIEWS[first]);
-    let (Some(points), Some(truth)) = (points, pair.views[first].truth.as_ref()) else { return [0.0; 3] };
+    let (points, truth) = (pair.points(VIEWS[first], VIEWS[first]), &pair.views[first].truth);
     let known = || points.iter().filter(|point| point[0].is_finite());
     let count = known().count();
     if count == 0 {
@@ -297,10 +286,9 @@ fn up_in(pair: &TrainingPair, first: usize) -> [f32; 3] {
 }
 
 /// Unit normals, in the frame of `first`, of the planes through the rays of `view` and both cameras, rows first; zero
-/// where the ray runs along the baseline. Empty without truth.
+/// where the ray runs along the baseline.
 fn epipolar_normals(pair: &TrainingPair, first: usize, view: usize) -> Vec<[f32; 3]> {
-    let truths = [first, view, 1 - first].map(|idx| pair.views[idx].truth.as_ref());
-    let [Some(frame), Some(own), Some(other)] = truths else { return Vec::new() };
+    let [frame, own, other] = [first, view, 1 - first].map(|idx| &pair.views[idx].truth);
     let frame_from_own: Rigid3<Cam, Cam> = &frame.world_from_cam.inverse() * &own.world_from_cam;
     let frame_from_other: Rigid3<Cam, Cam> = &frame.world_from_cam.inverse() * &other.world_from_cam;
     let baseline = frame_from_other.origin().coords;

@@ -76,10 +76,7 @@ impl Golden {
         TrainingView {
             rgb,
             camera: Camera::from_k(width, height, &k, PixelConvention::Center).unwrap(),
-            truth: Some(ViewTruth {
-                depth_z,
-                world_from_cam: Rigid3::from_matrix(&rotation, origin).unwrap(),
-            }),
+            truth: ViewTruth { depth_z, world_from_cam: Rigid3::from_matrix(&rotation, origin).unwrap() },
         }
     }
 

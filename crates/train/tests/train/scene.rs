@@ -48,10 +48,10 @@ fn view(side: usize, offset: [f64; 2], seed: f64) -> TrainingView {
     };
     TrainingView {
         rgb: Raster::from_fn(side, side, shade),
-        truth: Some(ViewTruth {
+        truth: ViewTruth {
             depth_z: Raster::from_fn(side, side, |x, y| ground(x, y).1 as f32),
             world_from_cam,
-        }),
+        },
         camera,
     }
 }
@@ -62,8 +62,7 @@ pub fn pair(side: usize, id: u64, num_matches: usize) -> TrainingPair {
     let seed = stream.uniform(0.0, 6.0);
     let step = [stream.uniform(6.0, 16.0), stream.uniform(-8.0, 8.0)];
     let views = [view(side, [0.0, 0.0], seed), view(side, step, seed)];
-    let sighted =
-        |view: usize| Sighted { camera: &views[view].camera, truth: views[view].truth.as_ref().unwrap() };
+    let sighted = |view: usize| Sighted { camera: &views[view].camera, truth: &views[view].truth };
     let pool = MatchPool::reciprocal(sighted(0), sighted(1));
     let matches = pool.sample(num_matches, 0.5, &mut stream).unwrap();
     let provenance = Provenance { source: "scene".into(), pair_id: id, ..Provenance::default() };

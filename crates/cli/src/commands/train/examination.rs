@@ -1,12 +1,12 @@
 //! Held-out pairs before the evaluator while a run learns: its network as `evaluate -m mast3r` would judge it.
 
 use super::request::Request;
-use super::sources::{is_triplets_split, read_split};
 use crate::args::network::NetworkChoice;
 use crate::commands::network::{self, builtin};
 use crate::ui::Ui;
 use anyhow::Context;
 use selenograph_dataset::augment::SunChoice;
+use selenograph_dataset::split::Split;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
@@ -38,14 +38,12 @@ impl Examination {
     ///
     /// # Errors
     /// Folders without pairs.
-    pub fn open(request: &Request, folder: &Path) -> anyhow::Result<Option<Self>> {
+    pub fn open(request: &Request, split: Option<&Split>, folder: &Path) -> anyhow::Result<Option<Self>> {
         let wanted = request.settings.learning.validation.evaluated;
         let mut parts: Vec<(&Path, Vec<String>)> =
             request.val.iter().map(|path| (path.as_path(), Vec::new())).collect();
-        if let (Some(split), [data]) =
-            (request.split.as_deref().filter(|split| !is_triplets_split(split)), request.data.as_slice())
-        {
-            parts.push((data, read_split(split)?.val.iter().map(u64::to_string).collect()));
+        if let (Some(split), [data]) = (split, request.data.as_slice()) {
+            parts.push((data, split.val.iter().map(u64::to_string).collect()));
         }
         if wanted == 0 || parts.is_empty() {
             return Ok(None);

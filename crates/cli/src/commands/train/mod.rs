@@ -93,7 +93,8 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     let mut network = request.network(last.or(request.first_weights.as_deref()), &device, ui)?;
     let teacher = request.teacher(&device, ui)?;
     let assembly = request.assembly();
-    let (learn, judge) = sources::mixtures(request, ui)?;
+    let split = sources::own_split(request)?;
+    let (learn, judge) = sources::mixtures(request, split.as_ref(), ui)?;
     foresee(&network, request, ui)?;
     let held: Vec<HostBatch> = match &judge {
         Some(mixture) => held_out(mixture, settings.learning.validation.pairs, &assembly)?,
@@ -107,7 +108,7 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     let tell = move |reason: &str| complain.detail(&format!("left out: {reason}"));
     let mut feed = LoaderFeed::start(Arc::new(learn), first, assembly, Box::new(tell))?;
     let mut teller = Teller::new(ui);
-    let examination = Examination::open(request, folder)?;
+    let examination = Examination::open(request, split.as_ref(), folder)?;
     let mut judge = |network: &dyn PairNetwork, step: u64| {
         let mut found = validation::judge(network, &held, step)?;
         match examination.as_ref().map(|examination| examination.hold(network, step, ui)).transpose() {

@@ -19,11 +19,26 @@ use std::sync::Arc;
 /// # Errors
 /// Folders without pairs, or with missing files; no truth to learn from; pairs to learn from that see held-out ground,
 /// unless that is allowed.
-pub fn mixtures(request: &Request, ui: &Ui) -> anyhow::Result<(Mixture, Option<Mixture>)> {
+pub fn mixtures(
+    request: &Request,
+    split: Option<&Split>,
+    ui: &Ui,
+) -> anyhow::Result<(Mixture, Option<Mixture>)> {
     let mut val: Vec<Source> = all(&request.val)?;
-    let mut learn = match &request.split {
-        None => all(&request.data)?.into_iter().chain(all_triplets(&request.triplets)?).collect(),
-        Some(file) => divided(request, file, &mut val)?,
+    let mut learn = match (&request.split, split) {
+        (_, Some(split)) => {
+            let folder = only(&request.data, "--split")?;
+            val.push(Source::pairs(&name(folder), folder, Some(&split.val))?);
+            let mut learn = all_triplets(&request.triplets)?;
+            learn.push(Source::pairs(&name(folder), folder, Some(&split.train))?);
+            learn
+        }
+        (Some(file), None) => {
+            let mut learn = all(&request.data)?;
+            learn.push(triplets(only(&request.triplets, "--split")?, Some(file))?);
+            learn
+        }
+        (None, None) => all(&request.data)?.into_iter().chain(all_triplets(&request.triplets)?).collect(),
     };
     if let Some(file) = &request.val_split {
         val.push(triplets(only(&request.triplets, "--val-split")?, Some(file))?);
@@ -81,34 +96,15 @@ fn triplets(path: &Path, split: Option<&PathBuf>) -> anyhow::Result<Source> {
     Ok(Source::triplets(&name(path), path, split.map(PathBuf::as_path), PixelConvention::Center)?)
 }
 
-/// The part of one folder that a split file names; what it holds out goes to `val`.
-fn divided(request: &Request, file: &Path, val: &mut Vec<Source>) -> anyhow::Result<Vec<Source>> {
-    if is_triplets_split(file) {
-        let folder = only(&request.triplets, "--split")?;
-        let mut learn = all(&request.data)?;
-        learn.push(triplets(folder, Some(&file.to_owned()))?);
-        return Ok(learn);
-    }
-    let folder = only(&request.data, "--split")?;
-    let split = read_split(file)?;
-    val.push(Source::pairs(&name(folder), folder, Some(&split.val))?);
-    let mut learn = all_triplets(&request.triplets)?;
-    learn.push(Source::pairs(&name(folder), folder, Some(&split.train))?);
-    Ok(learn)
-}
-
-/// Whether a split is one of triplets; else it is one of `data split`.
-pub fn is_triplets_split(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension == "npz")
-}
-
-/// What `data split` wrote.
+/// What `data split` wrote, where `--split` names it; a split of triplets is read with them.
 ///
 /// # Errors
 /// A file that is something else.
-pub fn read_split(file: &Path) -> anyhow::Result<Split> {
+pub fn own_split(request: &Request) -> anyhow::Result<Option<Split>> {
+    let is_own = |file: &&PathBuf| file.extension().is_none_or(|extension| extension != "npz");
+    let Some(file) = request.split.as_ref().filter(is_own) else { return Ok(None) };
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read `{}`", file.display()))?;
-    serde_json::from_str(&text).map_err(|error| {
+    serde_json::from_str(&text).map(Some).map_err(|error| {
         refuse(
             format!("`{}` is no split: {error}", file.display()),
             "pass train.npz of triplets, or what `data split` wrote",

@@ -1,23 +1,22 @@
 //! One pair of triplets, read whole and turned into the files of our own layout.
 
-use super::{ImportOptions, ImportedSuns, SourceRecord, name_of};
+use super::ImportOptions;
 use crate::Error;
-use crate::check::reprojection::{self, View, warp};
-use crate::import::stereolunar::{self, Triplet, TripletPair};
-use crate::import::{RawView, absent_as_nan, unexpected};
+use crate::check::reprojection::{self, DepthView, warp};
 use crate::pair::{
-    CameraRecord, OverlapRecord, PAIR_FORMAT, PAIR_NAME, PairRecord, PlaceRecord, RECORD_VERSION,
-    RelativeGeometry, SunRecord, Trajectory, ViewMeasures, ViewName, camera_name, image_name, json_text,
-    truth_name,
+    CameraRecord, ImportedSuns, OverlapRecord, PAIR_NAME, PairRecord, SourceRecord, SunRecord, ViewMeasures,
+    ViewName, camera_name, image_name, json_text, truth_name,
 };
 use crate::photometric::{self, Settings, SiteRule, Skipped};
+use crate::stored::triplets::{read_geometry, read_picture, trajectory_of};
+use crate::stored::{Place, RawView, Triplet, TripletPair, grey8};
 use nalgebra::{Point2, Point3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, PixelConvention, Rigid3, pixel};
 use selenograph_raster::codec::exr::{self, Attribute, Channel, ExrImage, SampleType};
 use selenograph_raster::codec::png;
 use selenograph_raster::{Raster, statistics};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Side of a pixel on the nominal sensor, millimetres: triplets have no sensor.
 const PIXEL_PITCH_MM: f64 = 0.01;
@@ -26,7 +25,8 @@ const OVERLAP_STEP: usize = 2;
 
 /// A pair in memory.
 pub struct Imported {
-    scene: PathBuf,
+    /// Name of the folder.
+    scene: String,
     source_id: u64,
     views: [ImportedView; 2],
     /// Number of each light in the source, and the pictures of A and B.
@@ -44,7 +44,7 @@ struct ImportedView {
 
 /// Reads a pair; `None` where nothing whole is left of it. What is left out is noted.
 pub fn read(
-    scene: &Path,
+    place: &Place,
     pair: &TripletPair,
     options: &ImportOptions,
     skipped: &mut Vec<Skipped>,
@@ -52,16 +52,20 @@ pub fn read(
     let mut first: Option<[RawView; 2]> = None;
     let (mut lights, mut files) = (Vec::new(), BTreeMap::new());
     for (&light, views) in &pair.lights {
-        let missing = missing(scene, pair, light, views);
+        let missing = missing(place, pair, light, views);
         if !missing.is_empty() {
             skipped.extend(missing);
             continue;
         }
         let stems: Vec<&str> = views.iter().flatten().map(|triplet| triplet.stem.as_str()).collect();
-        let mut skip = |reason: String| skipped.push(Skipped { path: scene.join(stems.join(", ")), reason });
-        match read_light(views, options.k_convention) {
+        let mut skip = |reason: String| skipped.push(Skipped { path: place.path(&stems.join(", ")), reason });
+        match read_light(place, views, options.k_convention) {
             Err(error) => skip(format!("{error}: its light is left out")),
-            Ok((raws, _, _)) if first.as_ref().is_some_and(|first| !same_geometry(first, &raws)) => {
+            Ok((raws, _, _))
+                if first
+                    .as_ref()
+                    .is_some_and(|first| first.iter().zip(&raws).any(|(a, b)| !a.is_same_geometry(b))) =>
+            {
                 skip(
                     "depth, pose or camera differ from the pair's other lights: its light is left out".into(),
                 );
@@ -77,16 +81,16 @@ pub fn read(
         Ok::<_, Error>(ImportedView {
             camera: raw.camera()?,
             world_from_cam: raw.world_from_cam()?,
-            depth_z: absent_as_nan(&raw.depth_z),
+            depth_z: raw.depth_or_nan(),
             stored: raw.depth_stored,
         })
     });
     match views {
         [Ok(a), Ok(b)] => {
-            Some(Imported { scene: scene.to_owned(), source_id: pair.pair_id, views: [a, b], lights, files })
+            Some(Imported { scene: place.name(), source_id: pair.pair_id, views: [a, b], lights, files })
         }
         [Err(error), _] | [_, Err(error)] => {
-            let path = scene.join(stereolunar::stem(2 * pair.pair_id * stereolunar::LIGHTS_PER_PAIR));
+            let path = place.path(&pair.stem(0, ViewName::A));
             skipped.push(Skipped { path, reason: format!("{error}: its pair is left out") });
             None
         }
@@ -94,15 +98,14 @@ pub fn read(
 }
 
 /// The files that a light lacks.
-fn missing(scene: &Path, pair: &TripletPair, light: u64, views: &[Option<Triplet>; 2]) -> Vec<Skipped> {
-    let first = 2 * (pair.pair_id * stereolunar::LIGHTS_PER_PAIR + light);
-    let lacks = (first..).zip(views).flat_map(|(number, triplet)| {
+fn missing(place: &Place, pair: &TripletPair, light: u64, views: &[Option<Triplet>; 2]) -> Vec<Skipped> {
+    let lacks = ViewName::BOTH.into_iter().zip(views).flat_map(|(view, triplet)| {
         let lacks = triplet.as_ref().map_or_else(|| vec!["jpg", "exr", "npz"], Triplet::missing);
-        lacks.into_iter().map(move |extension| format!("{}.{extension}", stereolunar::stem(number)))
+        lacks.into_iter().map(move |extension| format!("{}.{extension}", pair.stem(light, view)))
     });
     lacks
         .map(|name| Skipped {
-            path: scene.join(name),
+            path: place.path(&name),
             reason: "the file is missing: this light of its pair is left out".into(),
         })
         .collect()
@@ -111,29 +114,25 @@ fn missing(scene: &Path, pair: &TripletPair, light: u64, views: &[Option<Triplet
 type Light = ([RawView; 2], [Raster<u8>; 2], Vec<(String, String)>);
 
 /// Both views under one light, and the checksums of their files.
-fn read_light(views: &[Option<Triplet>; 2], k_convention: PixelConvention) -> Result<Light, Error> {
+fn read_light(
+    place: &Place,
+    views: &[Option<Triplet>; 2],
+    k_convention: PixelConvention,
+) -> Result<Light, Error> {
     let mut sums = Vec::new();
     let mut read = |triplet: &Option<Triplet>| {
         let Some(Triplet { jpg: Some(jpg), exr: Some(exr), npz: Some(npz), .. }) = triplet else {
-            return Err(unexpected(Path::new("triplet"), "three files", "fewer"));
+            return Err(Error::unexpected(Path::new("triplet"), "three files", "fewer"));
         };
-        for path in [jpg, exr, npz] {
-            let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-            sums.push((name_of(path), blake3::hash(&bytes).to_hex().to_string()));
+        for file in [jpg, exr, npz] {
+            sums.push((file.clone(), blake3::hash(&place.read(file)?).to_hex().to_string()));
         }
-        let raw = stereolunar::read_raw_view(exr, npz, k_convention)?;
-        let picture = stereolunar::read_image(jpg, raw.depth_z.width, raw.depth_z.height)?;
-        Ok((raw, picture))
+        let raw = read_geometry(place, [exr, npz], k_convention)?;
+        let picture = read_picture(place, jpg, (raw.depth_z.width, raw.depth_z.height))?;
+        Ok((raw, grey8(&picture)))
     };
     let ((raw_a, picture_a), (raw_b, picture_b)) = (read(&views[0])?, read(&views[1])?);
     Ok(([raw_a, raw_b], [picture_a, picture_b], sums))
-}
-
-fn same_geometry(first: &[RawView; 2], other: &[RawView; 2]) -> bool {
-    first.iter().zip(other).all(|(a, b)| {
-        let bits = |raw: &RawView| raw.depth_z.data.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
-        a.k == b.k && a.world_from_cam == b.world_from_cam && bits(a) == bits(b)
-    })
 }
 
 impl Imported {
@@ -215,27 +214,15 @@ impl Imported {
         files: BTreeMap<String, String>,
     ) -> Result<PairRecord, Error> {
         let (body, [a, b]) = (&options.body, &self.views);
-        let rule = SiteRule::of_folder(&self.scene);
+        let trajectory = trajectory_of(&self.scene);
+        let rule = trajectory.and_then(SiteRule::of_trajectory);
         let site = self.site(rule, body)?;
         let suns = self.suns(rule, &site, options);
-        let relative = RelativeGeometry::new(body, &site, &a.world_from_cam, &b.world_from_cam);
         Ok(PairRecord {
-            format: PAIR_FORMAT.into(),
-            version: RECORD_VERSION,
-            pair_id,
-            trajectory: trajectory(&self.scene),
-            body: body.clone(),
-            site: PlaceRecord::from_place(&site),
-            baseline_vector_m: relative.baseline_vector_m.into(),
-            baseline_m: relative.baseline_vector_m.norm(),
-            baseline_over_height: relative.baseline_over_height,
-            altitude_ratio: relative.altitude_ratio,
-            cam_b_from_cam_a: relative.cam_b_from_cam_a.rows_3x4(),
-            relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
-            convergence_deg: relative.convergence_rad.to_degrees(),
+            trajectory,
             source: Some(SourceRecord {
                 format: "stereolunar".into(),
-                scene: name_of(&self.scene),
+                scene: self.scene.clone(),
                 pair_id: self.source_id,
                 lights: self.lights.iter().map(|(light, _)| *light).collect(),
                 k_pixel_convention: options.k_convention,
@@ -244,20 +231,20 @@ impl Imported {
                 files: self.files.clone(),
             }),
             suns,
-            exposures: Vec::new(),
             overlap: self.overlap(),
             files,
+            ..PairRecord::new(pair_id, body, &site, [&a.world_from_cam, &b.world_from_cam])
         })
     }
 
     /// By warping depth: ground is seen unless the other view has nearer ground there.
     fn overlap(&self) -> OverlapRecord {
-        let [a, b] = self.views.each_ref().map(|view| View {
+        let [a, b] = self.views.each_ref().map(|view| DepthView {
             camera: &view.camera,
             world_from_cam: &view.world_from_cam,
             depth_z: &view.depth_z,
         });
-        let shares = |from: &View, to: &View| {
+        let shares = |from: &DepthView, to: &DepthView| {
             let warped = warp(from, to, OVERLAP_STEP);
             let along = |side: usize| (OVERLAP_STEP / 2..side).step_by(OVERLAP_STEP).count();
             let all = (along(from.camera.width) * along(from.camera.height)).max(1) as f64;
@@ -312,14 +299,5 @@ impl ImportedView {
             ],
             attributes,
         }
-    }
-}
-
-/// How a folder's pairs were flown, by its name (`nadir_1`, `oblique_3`, `pitch_…`, `dynamic_2`).
-fn trajectory(scene: &Path) -> Option<Trajectory> {
-    match SiteRule::of_folder(scene) {
-        Some(SiteRule::BelowFirstCamera) => Some(Trajectory::Nadir),
-        Some(SiteRule::AxesCrossing) => Some(Trajectory::Oblique),
-        None => name_of(scene).to_ascii_lowercase().starts_with("dynamic").then_some(Trajectory::Dynamic),
     }
 }

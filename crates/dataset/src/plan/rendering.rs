@@ -1,7 +1,7 @@
 //! The parts of a campaign that say how a planned pair becomes pictures.
 
+use super::interval::{Interval, check_number};
 use crate::Error;
-use crate::plan::interval::{Interval, check_number};
 use selenograph_geometry::units::sun_angular_radius_rad;
 use selenograph_render::brdf::Brdf;
 use selenograph_render::sun::SOLAR_LIMB_DARKENING;

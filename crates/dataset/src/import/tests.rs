@@ -2,9 +2,10 @@ use super::*;
 use crate::check::synthetic::{oblique_pair, write_own_pair};
 use crate::check::{CheckOptions, Code, FolderKind, Severity, check};
 use crate::export::stereolunar::{ExportOptions, export_dataset};
-use crate::import::selenograph::read_pair;
-use crate::pair::{PairRecord, list_pairs, read_json};
+use crate::pair::{ImportedSuns, PairRecord, read_json};
+use crate::stored::{StereoPair, own};
 use selenograph_raster::codec::exr::{self, SampleType};
+use std::path::PathBuf;
 
 /// Triplets `oblique/im_00000…im_00009` of two pairs under two lights.
 fn triplets(root: &Path) -> PathBuf {
@@ -17,6 +18,15 @@ fn triplets(root: &Path) -> PathBuf {
     let options = ExportOptions { k_convention: PixelConvention::Corner, ..ExportOptions::default() };
     export_dataset(&own, &out, None, &options, |_, _| ()).unwrap();
     out
+}
+
+fn pairs(root: &Path) -> Vec<StoredPair> {
+    own(root, ReadOptions::default()).unwrap()
+}
+
+fn read_pair(pair: &StoredPair) -> (StereoPair, PairRecord) {
+    let open = pair.open().unwrap();
+    (open.stereo().unwrap(), open.record.unwrap())
 }
 
 /// Stores a triplet's depth as the public samples do.
@@ -34,11 +44,10 @@ fn triplets_come_in_as_they_went_out() {
     let summary = import_dataset(&source, &out, &ImportOptions::default(), &|_, _| ()).unwrap();
     assert_eq!((summary.num_pairs, summary.num_images, summary.num_half_float), (2, 8, 0));
     assert!(summary.skipped.is_empty());
-    let ids: Vec<u64> = list_pairs(&out).unwrap().iter().map(|(id, _)| *id).collect();
+    let ids: Vec<u64> = pairs(&out).iter().map(|pair| pair.pair_id).collect();
     assert_eq!(ids, [0, 1]);
-    let folder = |root: &Path, id: u64| crate::pair::pair_folder(root, id);
-    let (pair, record) = read_pair(&folder(&out, 1)).unwrap();
-    let (before, old) = read_pair(&folder(&root.path().join("own"), 1)).unwrap();
+    let (pair, record) = read_pair(&pairs(&out)[1]);
+    let (before, old) = read_pair(&pairs(&root.path().join("own"))[1]);
     for (a, b) in pair.views.iter().zip(&before.views) {
         assert_eq!(a.depth_z.data, b.depth_z.data);
         assert_eq!(a.camera, b.camera);
@@ -68,9 +77,9 @@ fn half_float_depth_is_noted_and_told_again() {
     let out = root.path().join("out");
     let summary = import_dataset(&source, &out, &ImportOptions::default(), &|_, _| ()).unwrap();
     assert_eq!((summary.num_pairs, summary.num_half_float), (2, 1));
-    let (id, folder) = &list_pairs(&out).unwrap()[0];
-    let truth = exr::read(&folder.join("a.depth_z.exr")).unwrap();
-    assert_eq!((*id, truth.channel("depth_z").unwrap().stored), (0, SampleType::Float));
+    let first = &pairs(&out)[0];
+    let truth = exr::read(&first.place.path("a.depth_z.exr")).unwrap();
+    assert_eq!((first.pair_id, truth.channel("depth_z").unwrap().stored), (0, SampleType::Float));
     assert!(truth.attributes.contains_key("note"));
     let report = check(&out, &CheckOptions::default()).unwrap();
     let half = report.findings.iter().filter(|f| f.code == Code::HalfFloatDepth).count();
@@ -92,7 +101,7 @@ fn a_light_that_lacks_a_file_is_left_out_and_listed() {
     let told: Vec<String> = summary.skipped.iter().map(|skip| skip.path.display().to_string()).collect();
     assert_eq!(told.len(), 2);
     assert!(told[0].ends_with("im_00001.npz") && told[1].ends_with("im_00008, im_00009"), "{told:?}");
-    let (_, record) = read_pair(&list_pairs(&out).unwrap()[0].1).unwrap();
+    let (_, record) = read_pair(&pairs(&out)[0]);
     let sun = record.suns[0].unwrap();
     assert_eq!((record.suns.len(), sun.azimuth_deg, record.source.unwrap().lights), (1, 250.0, vec![1]));
     let norm: f64 = sun.direction.iter().map(|v| v * v).sum();
@@ -132,9 +141,8 @@ fn shared_samples_are_imported_and_checked() {
     let root = tempfile::tempdir().unwrap();
     let options = ImportOptions { suns: ImportedSuns::Scripts, ..ImportOptions::default() };
     let summary = import_dataset(&source, root.path(), &options, &|_, _| ()).unwrap();
-    for (_, folder) in list_pairs(root.path()).unwrap() {
-        let record: PairRecord = read_json(&folder.join("pair.json")).unwrap();
-        let source = record.source.unwrap();
+    for pair in pairs(root.path()) {
+        let source = pair.open().unwrap().record.unwrap().source.unwrap();
         assert_eq!(source.suns == ImportedSuns::Scripts, !source.scene.starts_with("dynamic"));
     }
     let report = check(root.path(), &CheckOptions::default()).unwrap();
