@@ -5,9 +5,9 @@
 #![deny(unsafe_code)]
 
 pub mod camera_file;
-pub mod cloud;
+mod cloud;
 mod dispatch;
-pub mod error;
+mod error;
 pub mod evidence;
 pub mod features;
 pub mod frames;
@@ -17,16 +17,16 @@ mod judge;
 pub mod learned;
 pub mod matching;
 pub mod pipeline;
-pub mod prediction;
+mod prediction;
 pub mod priors;
 pub mod products;
 pub mod relative_pose;
 pub mod scale;
 pub mod stereo;
-pub mod subpixel;
+mod subpixel;
 pub mod transform_file;
-pub mod triangulate;
-pub mod view;
+mod triangulate;
+mod view;
 
 pub use error::Error;
 pub use prediction::{Fill, NoPose, PredictedView, Prediction};

@@ -18,24 +18,6 @@ pub struct OnRay {
     pub miss: f64,
 }
 
-impl OnRay {
-    /// z-depth, in the unit of the motion's translation.
-    pub fn depth_z(&self) -> f64 {
-        1.0 / self.rho
-    }
-
-    /// Standard deviation of the z-depth when the match has a standard deviation of `sigma_image` along the epipolar line, on
-    /// the plane `z = 1` (pixels over the focal length).
-    pub fn sigma_z(&self, sigma_image: f64) -> f64 {
-        sigma_image / (self.image_per_rho * self.rho * self.rho)
-    }
-
-    /// Angle between the two rays, roughly: the parallax of the point against a point at infinity, radians.
-    pub fn parallax(&self) -> f64 {
-        self.image_per_rho * self.rho
-    }
-}
-
 /// Newton steps after the linear start: the image distance is nearly linear in inverse depth.
 const STEPS: usize = 3;
 
@@ -130,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn the_point_that_made_the_rays_is_found_and_sigma_is_the_derivative() {
+    fn the_point_that_made_the_rays_is_found_with_its_derivative() {
         let b_from_a = motion();
         let ray = Vector3::new(0.2, -0.1, 1.0);
         let seen_of = |z: f64| {
@@ -138,10 +120,11 @@ mod tests {
             x / x.z
         };
         let found = along_ray(&ray, &seen_of(7.0), &b_from_a).unwrap();
-        assert!((found.depth_z() - 7.0).abs() < 1e-9 && found.miss < 1e-12);
+        assert!((1.0 / found.rho - 7.0).abs() < 1e-9 && found.miss < 1e-12);
         let step = 1e-4;
         let moved = (seen_of(7.0 + step) - seen_of(7.0)).norm();
-        assert!((found.sigma_z(moved) / step - 1.0).abs() < 1e-3);
+        let moved_z = moved / (found.image_per_rho * found.rho * found.rho);
+        assert!((moved_z / step - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The length of a translation in a pointmap's unit.
 
-use super::Pointmap;
+use super::arrays::Pointmap;
 use crate::evidence::Warning;
 use crate::relative_pose::JudgedMatch;
 use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, pixel, robust::MAD_TO_SIGMA};

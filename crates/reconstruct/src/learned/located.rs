@@ -1,8 +1,9 @@
 //! The pose from which a pointmap looks as the other picture has it.
 
-use super::{Pointmap, Problem};
+use super::arrays::Pointmap;
+use super::options::LearnedOptions;
 use crate::evidence::PoseSource;
-use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, mean_focal_px, pixel};
+use selenograph_geometry::{CamA, CamB, Camera, Point2, Point3, Rigid3, mean_focal_px, pixel};
 use selenograph_pose::absolute::{self, AbsoluteOptions, CannotLocate, Sighting};
 use selenograph_pose::relative::CannotSay;
 use selenograph_raster::statistics;
@@ -32,9 +33,13 @@ impl Located {
     }
 }
 
-/// The pose of camera B from B's points and the pixels they stand at.
-pub(super) fn locate([_, of_b]: &[Pointmap; 2], problem: &Problem<'_>) -> Result<Located, CannotSay> {
-    let (camera, options) = (problem.cameras[1], problem.options);
+/// The pose of camera B from B's points and the pixels they stand at; `match_px` is the side of a matched pixel.
+pub(super) fn locate(
+    of_b: &Pointmap,
+    camera: &Camera,
+    match_px: f64,
+    options: &LearnedOptions,
+) -> Result<Located, CannotSay> {
     let (width, height) = (of_b.points.width, of_b.points.height);
     let step = ((width * height) as f64 / MAX_SIGHTINGS as f64).sqrt().ceil().max(1.0) as usize;
     let mut sightings = Vec::new();
@@ -50,7 +55,7 @@ pub(super) fn locate([_, of_b]: &[Pointmap; 2], problem: &Problem<'_>) -> Result
     }
     let focal_px = mean_focal_px([camera, camera]);
     let settings = AbsoluteOptions {
-        threshold: options.reprojection_px * problem.learned.grain.match_px / focal_px,
+        threshold: options.reprojection_px * match_px / focal_px,
         seed: options.seed,
         ..AbsoluteOptions::default()
     };

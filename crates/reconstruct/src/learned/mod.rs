@@ -2,113 +2,25 @@
 //!
 //! Everything is on the full pictures' pixel grids. Who makes the arrays is not known here.
 
+mod arrays;
 mod length;
 mod located;
+mod options;
 mod surface;
 
+pub use arrays::{Learned, LearnedInput, Pointmap};
+pub use options::{LearnedOptions, PointsFrom, PoseFrom};
+
 use crate::Error;
-use crate::evidence::{FocalSource, PoseSource, Warning};
+use crate::evidence::{PoseSource, Warning};
 use crate::judge::{GIVEN_TOLERANCE_PX, Judge};
-use crate::matching::{self, Grain, Match};
+use crate::matching::{self, Match};
 use crate::prediction::{NoPose, Prediction};
 use crate::priors::KnownPose;
 use crate::relative_pose::{JudgedMatch, WHOLE_PIXEL_NOISE_PX};
 use crate::triangulate::matched;
 use selenograph_geometry::{CamA, CamB, Camera, Point3, Rigid3, mean_focal_px};
 use selenograph_pose::relative::{CannotSay, RelativeOptions, RelativePose};
-use selenograph_raster::Raster;
-use serde::{Deserialize, Serialize};
-
-/// Points of one view, pixel by pixel.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Pointmap {
-    /// In the axes and origin of camera A, in the network's unit; NaN where there is none.
-    pub points: Raster<[f32; 3]>,
-    /// In `[0, 1]`; 0 where there is no point.
-    pub confidence: Raster<f32>,
-}
-
-/// What a network or matcher says of two pictures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Learned {
-    /// Points of A and of B, both in the frame of A; `None` for a matcher.
-    pub pointmaps: Option<[Pointmap; 2]>,
-    /// Matches for the pose; none for a network that does not match.
-    pub matches: Vec<Match>,
-    /// Matches of as many pixels as have one, where they were asked for.
-    pub dense_matches: Option<Vec<Match>>,
-    /// How fine it sees.
-    pub grain: Grain,
-}
-
-/// What a network says of two pictures, and the cameras that it says it for.
-#[derive(Debug, Clone)]
-pub struct LearnedInput {
-    /// Points and matches, on the grids of the views.
-    pub learned: Learned,
-    /// The cameras of the full pictures.
-    pub cameras: [Camera; 2],
-    /// Where their focal lengths come from.
-    pub focal: FocalSource,
-}
-
-/// Where the relative pose comes from, unless it is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum PoseFrom {
-    /// From the matches; from the points where they do not tell and the points are sure
-    #[default]
-    Matches,
-    /// From the points of B: the pose from which they look as picture B has them
-    Points,
-    /// There is none: the points stand alone, unchecked
-    Nothing,
-}
-
-/// Which points are given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum PointsFrom {
-    /// The network's own
-    #[default]
-    Network,
-    /// Where the rays of dense matches meet, with their sigma
-    Triangulated,
-}
-
-/// How pose and points follow from the arrays.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LearnedOptions {
-    /// Where the pose comes from.
-    pub pose: PoseFrom,
-    /// Which points are given.
-    pub points: PointsFrom,
-    /// Largest Sampson distance of an inlier, matched pixels.
-    pub threshold_px: f64,
-    /// Largest reprojection error of a point that agrees with a pose, matched pixels.
-    pub reprojection_px: f64,
-    /// Points below this confidence do not take part in a pose.
-    pub min_confidence: f32,
-    /// Seed of the random samples.
-    pub seed: u64,
-}
-
-impl Default for LearnedOptions {
-    fn default() -> Self {
-        Self {
-            pose: PoseFrom::Matches,
-            points: PointsFrom::Network,
-            threshold_px: 1.0,
-            // The reference's own, and its confidence of 3 of `1 + exp(x)`, mapped to `[0, 1]`.
-            reprojection_px: 5.0,
-            min_confidence: 2.0 / 3.0,
-            seed: 0,
-        }
-    }
-}
 
 /// Pose and points, and what they rest on.
 #[derive(Debug, Clone)]
@@ -195,7 +107,7 @@ impl Problem<'_> {
                             measured.ratio
                         }
                         None => {
-                            let located = located::locate(maps, self).map_err(|why| Error::Undetermined {
+                            let located = self.locate(maps).map_err(|why| Error::Undetermined {
                                 what: "size of the network's points",
                                 why: format!("neither its matches nor its points fit the given pose ({why})"),
                             })?;
@@ -257,6 +169,10 @@ impl Problem<'_> {
         Rigid3::from_quaternion(w, x, y, z, Point3::from(pose.origin().coords * measured.ratio))
     }
 
+    fn locate(&self, [_, of_b]: &[Pointmap; 2]) -> Result<located::Located, CannotSay> {
+        located::locate(of_b, self.cameras[1], self.learned.grain.match_px, self.options)
+    }
+
     fn length(
         &self,
         maps: &[Pointmap; 2],
@@ -287,7 +203,7 @@ impl Problem<'_> {
         match self.options.pose {
             PoseFrom::Nothing => Err(NoPose::NotAsked),
             PoseFrom::Points => {
-                let located = maps.map_or(Err(located::NONE), |maps| located::locate(maps, self))?;
+                let located = maps.map_or(Err(located::NONE), |maps| self.locate(maps))?;
                 Ok((located.cam_b_from_cam_a, located.source()))
             }
             PoseFrom::Matches => {
@@ -296,7 +212,7 @@ impl Problem<'_> {
                     // Without parallax the points have no better answer: they only look as if they had.
                     (Err(why @ CannotSay::NoParallax { .. }), _) | (Err(why), None) => Err(why.into()),
                     (Err(why), Some(maps)) => {
-                        let Ok(located) = located::locate(maps, self) else { return Err(why.into()) };
+                        let Ok(located) = self.locate(maps) else { return Err(why.into()) };
                         warnings.push(Warning::PoseFromPoints { why: why.to_string() });
                         Ok((located.cam_b_from_cam_a, located.source()))
                     }

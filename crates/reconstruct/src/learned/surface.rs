@@ -1,6 +1,6 @@
 //! Pointmaps as predicted views, and how sure dense matches are.
 
-use super::Pointmap;
+use super::arrays::Pointmap;
 use crate::relative_pose::JudgedMatch;
 use crate::{Fill, PredictedView};
 use selenograph_geometry::{CamA, CamB, Camera, Point3, Rigid3};

@@ -2,8 +2,10 @@
 
 use super::*;
 use crate::Fill;
+use crate::matching::Grain;
 use selenograph_geometry::Point2;
 use selenograph_geometry::{Rotation3, pixel};
+use selenograph_raster::Raster;
 
 /// The network's unit over the true one.
 const UNIT: f64 = 3.7;

@@ -1,8 +1,8 @@
 //! Nearest neighbours of unit vectors: a blocked product of two matrices, of which only the largest entries are kept.
 #![allow(clippy::needless_range_loop, reason = "arrays of one fixed length side by side: what vectorises")]
 
+use super::nearest::{Nearest, Neighbours};
 use super::tile::{COLUMNS, Panel, Products, ROWS, products};
-use super::{Nearest, Neighbours};
 use crate::dispatch::widest;
 use crate::features::sift::{DESCRIPTOR_LEN, Descriptor};
 use rayon::prelude::*;

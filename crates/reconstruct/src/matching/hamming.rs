@@ -1,6 +1,6 @@
 //! Nearest neighbours of bit strings.
 
-use super::{Nearest, Neighbours};
+use super::nearest::{Nearest, Neighbours};
 use crate::dispatch::widest;
 use crate::features::orb::Descriptor;
 use rayon::prelude::*;

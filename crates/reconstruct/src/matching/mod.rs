@@ -2,9 +2,11 @@
 
 mod dot;
 mod hamming;
+mod nearest;
 mod tile;
 
 use crate::features::{Features, orb, sift};
+use nearest::Neighbours;
 use selenograph_geometry::{Camera, Point2};
 use selenograph_pose::relative;
 use serde::{Deserialize, Serialize};
@@ -64,20 +66,6 @@ impl Default for Options {
     fn default() -> Self {
         Self { max_ratio: 0.85 }
     }
-}
-
-/// The nearest neighbour of a feature.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Nearest {
-    idx: u32,
-    /// Distance over the second nearest neighbour's.
-    ratio: f64,
-}
-
-/// Nearest neighbours from A to B with their ratios, and from B to A.
-struct Neighbours {
-    of_a: Vec<Nearest>,
-    of_b: Vec<u32>,
 }
 
 /// Matches of SIFT features, best first.

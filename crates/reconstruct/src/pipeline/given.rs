@@ -1,15 +1,30 @@
 //! A relative pose that was given: matches that agree with it, as seeds of the surface and as a check of the pose.
 
-use super::Start;
 use super::matcher::{Found, Matcher};
 use crate::evidence::PoseSource;
 use crate::features::intensity::Intensity;
 use crate::judge::{GIVEN_TOLERANCE_PX, Judge};
 use crate::matching::Match;
 use crate::priors::KnownPose;
-use crate::relative_pose::{Counts, JudgedMatch, SiftOptions};
+use crate::relative_pose::{Counts, JudgedMatch, PairPose, SiftOptions};
 use crate::{Error, View, subpixel};
+use selenograph_geometry::{CamA, CamB, Rigid3};
 use selenograph_pose::relative::CannotSay;
+
+/// A pose and the matches that it rests on, or is checked with.
+pub(super) struct Start {
+    pub(super) cam_b_from_cam_a: Rigid3<CamB, CamA>,
+    pub(super) source: PoseSource,
+    pub(super) matches: Vec<JudgedMatch>,
+    pub(super) counts: Counts,
+}
+
+impl From<PairPose> for Start {
+    fn from(PairPose { pose, matches, counts }: PairPose) -> Self {
+        let cam_b_from_cam_a = pose.cam_b_from_cam_a;
+        Self { cam_b_from_cam_a, source: PoseSource::Estimated(Box::new(pose)), matches, counts }
+    }
+}
 
 /// Fewer matches that agree are as good as chance.
 const MIN_AGREEING: usize = 8;

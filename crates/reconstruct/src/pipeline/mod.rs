@@ -10,12 +10,13 @@ use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
 use crate::matching::Match;
 use crate::prediction::NoPose;
 use crate::priors::Priors;
-use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, PairPose, SiftOptions};
+use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, SiftOptions};
 use crate::scale::{Placement, ScaleSource};
 use crate::stereo::{self, Completion, StereoOptions};
 use crate::{Error, PredictedView, Prediction, View, triangulate};
+use given::Start;
 use matcher::Matcher;
-use selenograph_geometry::{CamA, CamB, Camera, Rigid3};
+use selenograph_geometry::Camera;
 use selenograph_pose::relative::CannotSay;
 use serde::{Deserialize, Serialize};
 
@@ -324,21 +325,6 @@ fn from_arrays(said: &LearnedInput, priors: &Priors, options: &Options) -> Resul
         focal: *focal,
         warnings,
     })
-}
-
-/// A pose and the matches that it rests on, or is checked with.
-struct Start {
-    cam_b_from_cam_a: Rigid3<CamB, CamA>,
-    source: PoseSource,
-    matches: Vec<JudgedMatch>,
-    counts: Counts,
-}
-
-impl From<PairPose> for Start {
-    fn from(PairPose { pose, matches, counts }: PairPose) -> Self {
-        let cam_b_from_cam_a = pose.cam_b_from_cam_a;
-        Self { cam_b_from_cam_a, source: PoseSource::Estimated(Box::new(pose)), matches, counts }
-    }
 }
 
 /// Pose from matches, points from the pictures.

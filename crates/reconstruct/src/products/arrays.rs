@@ -1,6 +1,6 @@
 //! `pointmaps.npz` and `matches.npz`.
 
-use super::ProductInput;
+use super::input::ProductInput;
 use crate::Error;
 use crate::prediction::PredictedView;
 use crate::relative_pose::JudgedMatch;

@@ -4,17 +4,19 @@
 //! that holds it is complete.
 
 mod arrays;
+mod input;
 mod tif;
 mod transform;
 
+pub use input::ProductInput;
+
+use crate::Error;
 use crate::cloud::{self, Cloud, CloudOptions};
 use crate::grid::lift::Lifted;
 use crate::grid::{self, Completed, Dem, GridOptions};
 use crate::hazard::{self, Hazard, HazardMap, HazardOptions};
-use crate::prediction::{Fill, Prediction};
-use crate::relative_pose::JudgedMatch;
-use crate::scale::{Placement, ScaleSource};
-use crate::{Error, View};
+use crate::prediction::Fill;
+use crate::scale::ScaleSource;
 use rayon::prelude::*;
 use selenograph_geometry::proj_string;
 use selenograph_raster::statistics::{median, summary};
@@ -54,19 +56,6 @@ impl Default for ProductOptions {
             light_elevation_deg: 30.0,
         }
     }
-}
-
-/// What the products are made of.
-#[derive(Debug, Clone, Copy)]
-pub struct ProductInput<'a> {
-    /// Pictures and cameras of A and B; grey levels in `[0, 1]`, of the pointmaps' size.
-    pub views: [&'a View; 2],
-    /// Pose and pointmaps.
-    pub prediction: &'a Prediction,
-    /// Scale and place.
-    pub placement: &'a Placement,
-    /// Matches, where the method has any.
-    pub matches: Option<&'a [JudgedMatch]>,
 }
 
 /// The rasters and the cloud before they are written, for whoever shows them.

@@ -1,8 +1,10 @@
 use super::*;
 use crate::prediction::PredictedView;
 use crate::priors::{KnownLength, Priors};
+use crate::relative_pose::JudgedMatch;
 use crate::scale::World;
 use crate::transform_file;
+use crate::{Prediction, View};
 use selenograph_geometry::{
     Body, BodyFixed, Camera, Geodetic, Point2, Point3, Rigid3, Vector3, lookat, pixel,
 };

@@ -1,8 +1,8 @@
 //! Coarse to fine: both surfaces side by side, each seeing what the other hides.
 
-use super::StereoOptions;
 use super::filter;
 use super::level::{self, ViewLevel};
+use super::options::StereoOptions;
 use super::seeds::{self, Anchors, Plane, SeedPoint};
 use super::solver::Solver;
 use super::term::{self, Term};

@@ -1,7 +1,8 @@
 //! What dense stereo answers: depth, sigma, confidence and where each pixel's point is in the other view.
 
 use super::estimate::{self, Estimate, Surface};
-use super::{Completion, StereoOptions, filter, term, warp};
+use super::options::{Completion, StereoOptions};
+use super::{filter, term, warp};
 use crate::{Fill, PredictedView, View};
 use rayon::prelude::*;
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, pixel};

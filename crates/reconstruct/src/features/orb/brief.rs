@@ -1,9 +1,14 @@
 //! The direction of a patch by its centre of brightness, and comparisons of pairs of samples turned with it.
 
-use super::{Descriptor, PATCH_RADIUS};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use selenograph_raster::Raster;
+
+/// 256 comparisons.
+pub type Descriptor = [u64; 4];
+
+/// Radius of the patch that a descriptor and its direction look at, samples of the level.
+pub(super) const PATCH_RADIUS: usize = 15;
 
 /// Blur before samples are compared, samples of the level.
 pub(super) const SMOOTHING_SIGMA: f64 = 2.0;

@@ -17,11 +17,8 @@ use selenograph_raster::Raster;
 use selenograph_raster::resample::area_mean;
 use serde::{Deserialize, Serialize};
 
-/// 256 comparisons.
-pub type Descriptor = [u64; 4];
-
-/// Radius of the patch that a descriptor and its direction look at, samples of the level.
-const PATCH_RADIUS: usize = 15;
+pub use brief::Descriptor;
+use brief::PATCH_RADIUS;
 
 /// Samples at the rim without keypoints.
 const RIM: usize = PATCH_RADIUS + 4;

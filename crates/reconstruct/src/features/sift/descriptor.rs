@@ -2,10 +2,15 @@
 
 use super::extrema::Extremum;
 use super::trigonometry::{atan2, exp_minus};
-use super::{DESCRIPTOR_LEN, Descriptor};
 use crate::dispatch::widest;
 use selenograph_raster::Raster;
 use std::f32::consts::TAU;
+
+/// Length of a descriptor: 4 × 4 cells of 8 directions.
+pub const DESCRIPTOR_LEN: usize = 128;
+
+/// What the surroundings of a keypoint look like: a unit vector without negative entries.
+pub type Descriptor = [f32; DESCRIPTOR_LEN];
 
 /// Bins of the histogram of directions.
 const DIRECTION_BINS: usize = 36;

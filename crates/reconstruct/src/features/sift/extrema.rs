@@ -1,7 +1,7 @@
 //! Extrema of the differences of Gaussians over place and scale, to a fraction of a sample.
 
-use super::scale_space::{LEVELS, Octave};
-use super::{Options, sigma_of_level};
+use super::options::Options;
+use super::scale_space::{LEVELS, Octave, sigma_of_level};
 use crate::dispatch::widest;
 use rayon::prelude::*;
 use selenograph_raster::Raster;

@@ -6,6 +6,7 @@
 
 mod descriptor;
 mod extrema;
+mod options;
 mod scale_space;
 mod trigonometry;
 
@@ -13,16 +14,12 @@ use super::intensity::Intensity;
 use super::{Features, Keypoint, coordinate_of, spread};
 use extrema::Extremum;
 use rayon::prelude::*;
-use scale_space::{LEVELS, Octave};
+use scale_space::Octave;
 use selenograph_geometry::Point2;
 use selenograph_raster::Raster;
-use serde::{Deserialize, Serialize};
 
-/// Length of a descriptor: 4 × 4 cells of 8 directions.
-pub const DESCRIPTOR_LEN: usize = 128;
-
-/// What the surroundings of a keypoint look like: a unit vector without negative entries.
-pub type Descriptor = [f32; DESCRIPTOR_LEN];
+pub use descriptor::{DESCRIPTOR_LEN, Descriptor};
+pub use options::{FirstOctave, Options};
 
 /// Keypoints of one piece of work.
 const CHUNK: usize = 32;
@@ -32,46 +29,6 @@ const BAND_ROWS: u32 = 32;
 
 /// Absent samples may come this close to a keypoint, in its standard deviations.
 const KNOWN_SIGMAS: f64 = 4.0;
-
-/// Resolution of the first octave.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FirstOctave {
-    /// The picture enlarged twice: more and smaller features.
-    Doubled,
-    /// The picture as it is: four times less work.
-    #[default]
-    Original,
-}
-
-/// How features are found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Options {
-    /// Resolution of the first octave.
-    pub first_octave: FirstOctave,
-    /// Least contrast of an extremum of the difference of Gaussians, as a share of the picture's range, times the number of
-    /// intervals an octave has (the scaling of OpenCV).
-    pub contrast: f32,
-    /// Largest ratio of the principal curvatures: beyond it the point slides along an edge.
-    pub edge_ratio: f32,
-    /// At most so many keypoints are kept (before several directions multiply them).
-    pub max_keypoints: usize,
-    /// Cells along the longer side of the grid over which they are spread; 0 keeps the strongest wherever they are.
-    pub spread_cells: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            first_octave: FirstOctave::Original,
-            contrast: 0.01,
-            edge_ratio: 10.0,
-            max_keypoints: 1000,
-            spread_cells: 16,
-        }
-    }
-}
 
 /// The features of a picture; none where it shows nothing (one grey level, no data).
 pub fn detect(picture: &Raster<f32>, options: &Options) -> Features<Descriptor> {
@@ -136,9 +93,4 @@ fn keypoint_of(extremum: &Extremum, octave: &Octave, angle_rad: f32) -> Keypoint
         angle_rad,
         response: extremum.response,
     }
-}
-
-/// The standard deviation of a (fractional) level, samples of its octave.
-fn sigma_of_level(level: f32) -> f32 {
-    scale_space::BASE_SIGMA as f32 * (level / LEVELS as f32).exp2()
 }

@@ -1,6 +1,6 @@
 //! Gaussians of rising width, octave by octave.
 
-use super::FirstOctave;
+use super::options::FirstOctave;
 use crate::features::blur::{decimated, doubled, gaussian};
 use selenograph_raster::Raster;
 
@@ -48,6 +48,11 @@ pub(super) fn octaves(image: &Raster<f32>, first: FirstOctave) -> Vec<Octave> {
 /// From one standard deviation to another: variances add.
 fn blurred_to(image: &Raster<f32>, has: f64, wanted: f64) -> Raster<f32> {
     gaussian(image, (wanted * wanted - has * has).max(0.0).sqrt())
+}
+
+/// The standard deviation of a (fractional) level, samples of its octave.
+pub(super) fn sigma_of_level(level: f32) -> f32 {
+    BASE_SIGMA as f32 * (level / LEVELS as f32).exp2()
 }
 
 #[cfg(test)]
