@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn a_preset_is_taken_out_wherever_toml_lets_it_stand() {
         for (text, left) in [
-            ("preset = \"descent\"\nseed = 5\n", "                    \nseed = 5\n"),
+            ("preset = \"descent\"\nseed = 5\n", "                  \nseed = 5\n"),
             ("\"preset\"='descent' # why\nseed = 5", "                   # why\nseed = 5"),
             ("name = \"\"\"\npreset = 1\n\"\"\"\n", "name = \"\"\"\npreset = 1\n\"\"\"\n"),
             ("[nadir]\npreset = 1\n", "[nadir]\npreset = 1\n"),
