@@ -117,7 +117,7 @@ fn usage_lines(rendered: &str) -> (String, String) {
 fn message(error: &anyhow::Error) -> String {
     let mut told = String::new();
     for cause in error.chain() {
-        let text = cause_text(cause);
+        let text = one_line(&cause.to_string());
         if told.is_empty() {
             told = text;
         } else if !told.contains(&text) {
@@ -125,18 +125,6 @@ fn message(error: &anyhow::Error) -> String {
         }
     }
     told
-}
-
-fn cause_text(cause: &(dyn std::error::Error + 'static)) -> String {
-    let text = cause.to_string();
-    if let Some(selenograph_dataset::Error::Campaign { .. }) = cause.downcast_ref() {
-        // The parser lists all keys there are; the nearest one is in the hint.
-        let kept = text.lines().filter(|line| !line.starts_with("did you mean"));
-        let kept: Vec<&str> =
-            kept.map(|line| line.split(", expected one of").next().unwrap_or(line)).collect();
-        return one_line(&kept.join("\n"));
-    }
-    one_line(&text)
 }
 
 /// Lines joined; the excerpt of a file that a parser draws (`3 | key = value`, `  | ^^^`) is left out.

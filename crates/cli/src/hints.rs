@@ -1,6 +1,7 @@
 //! What the user can do about an error.
 
 use crate::exit::{Refusal, io_kind};
+use crate::target;
 use std::io::ErrorKind;
 
 /// The hint for an error, from the first cause that has one.
@@ -8,6 +9,9 @@ pub fn hint(error: &anyhow::Error) -> Option<String> {
     let from_cause = error.chain().find_map(|cause| {
         if let Some(refusal) = cause.downcast_ref::<Refusal>() {
             return Some(refusal.hint.clone());
+        }
+        if let Some(error) = cause.downcast_ref::<selenograph_files::Error>() {
+            return files(error);
         }
         if let Some(error) = cause.downcast_ref::<selenograph_raster::Error>() {
             return raster(error);
@@ -50,6 +54,21 @@ fn some(text: &str) -> Option<String> {
     Some(text.to_owned())
 }
 
+fn files(error: &selenograph_files::Error) -> Option<String> {
+    use selenograph_files::Error;
+    match error {
+        Error::Full { .. } => Some(no_room()),
+        Error::Io { source, .. } => io(source.kind()),
+        _ => error.hint().map(str::to_owned),
+    }
+}
+
+/// What is kept is said only where something is.
+fn no_room() -> String {
+    let kept = target::kept().map_or_else(String::new, |kept| format!(": {kept}"));
+    format!("free some space and run the same command again{kept}")
+}
+
 fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
     use selenograph_geometry::Error;
     match error {
@@ -66,6 +85,7 @@ fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
 fn raster(error: &selenograph_raster::Error) -> Option<String> {
     use selenograph_raster::Error;
     match error {
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         Error::Malformed { .. } => some("the file is damaged: fetch or write it again"),
         Error::UnknownFormat { .. } => {
@@ -82,6 +102,7 @@ fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
     use selenograph_terrain::Error;
     match error {
         Error::Raster(error) => raster(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint().map(str::to_owned),
     }
@@ -103,23 +124,18 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
     match error {
         Error::Raster(error) => raster(error),
         Error::Geometry(error) => geometry(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
-        Error::Campaign { what } => Some(
-            what.lines()
-                .find(|line| line.starts_with("did you mean"))
-                .unwrap_or("`selenograph config show` prints every key with its value and where it came from")
-                .to_owned(),
-        ),
+        Error::Campaign { nearest: Some(nearest), .. } => Some(format!("did you mean `{nearest}`?")),
         Error::Value { key, .. } if key.starts_with("loader.") => {
             some("`selenograph train run … --dry-run` prints every key with its value")
         }
-        Error::Value { .. } => {
+        Error::Value { .. } | Error::Campaign { .. } => {
             some("`selenograph config show` prints every key with its value and where it came from")
         }
         Error::Format { .. } => some("check the path; docs/formats.md tells what each file and folder holds"),
         Error::Contradiction { .. } => some("leave one of the two out"),
         Error::UnknownPreset { .. } => some("`selenograph presets` lists them"),
-        Error::TargetExists { .. } => some("pass --force to overwrite it, or another --out"),
         Error::OtherCampaign { .. } => some("pass another --out, or --force to start this one anew"),
         Error::Unusable { .. } => some(
             "`selenograph data check` says what is wrong with a dataset; `train run --skip-faulty` learns without such pairs",
@@ -133,6 +149,7 @@ fn reconstruct(error: &selenograph_reconstruct::Error) -> Option<String> {
     match error {
         Error::Raster(error) => raster(error),
         Error::Geometry(error) => geometry(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         Error::Format { .. } => some("docs/formats.md tells what each file holds"),
         Error::Value { .. } => some("`selenograph reconstruct --help` tells what each setting may be"),
@@ -147,6 +164,7 @@ fn network(error: &selenograph_network::Error) -> Option<String> {
     use selenograph_network::Error;
     match error {
         Error::Geometry(error) => geometry(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint().map(str::to_owned),
     }
@@ -168,6 +186,7 @@ fn evaluate(error: &selenograph_evaluate::Error) -> Option<String> {
         Error::Geometry(error) => geometry(error),
         Error::Predict(error) => predict(error),
         Error::Reconstruct(error) => reconstruct(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint(),
     }
@@ -179,6 +198,7 @@ fn train(error: &selenograph_train::Error) -> Option<String> {
     error.hint().map(str::to_owned).or_else(|| match error {
         Error::Network(error) => network(error),
         Error::Dataset(error) => dataset(error),
+        Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => None,
     })
@@ -192,9 +212,7 @@ fn io(kind: ErrorKind) -> Option<String> {
         | ErrorKind::NotADirectory
         | ErrorKind::AlreadyExists => some("choose a folder that you may write to with --out"),
         ErrorKind::IsADirectory => some("a file is expected here, not a folder"),
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            some("free some space and run the same command again: what is complete is kept")
-        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Some(no_room()),
         _ => None,
     }
 }

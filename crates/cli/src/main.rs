@@ -8,6 +8,7 @@ mod exit;
 mod hints;
 mod machine;
 mod settings;
+mod stop;
 mod target;
 mod ui;
 
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
     }
     exit::silence_panics();
+    stop::listen();
     let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::run(&cli.command, &ui)));
     exit::answer(result, &ui)
 }

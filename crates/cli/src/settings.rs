@@ -7,6 +7,7 @@ use selenograph_dataset::Error;
 use selenograph_dataset::plan::Campaign;
 use selenograph_dataset::plan::preset::{PRESET_KEY, merge, preset_table};
 use std::path::Path;
+use toml::de::DeTable;
 use toml::{Table, Value};
 
 /// Layers laid over each other.
@@ -125,10 +126,14 @@ impl Layers {
     }
 }
 
-/// The text with the line that names a preset emptied, so that the other lines keep their numbers.
+/// The text with blanks where it names a preset, so that all else keeps its line and column.
 fn without_preset(text: &str) -> String {
-    let is_it = |line: &str| line.split('=').next().is_some_and(|key| key.trim() == PRESET_KEY);
-    text.lines().map(|line| if is_it(line) { "" } else { line }).collect::<Vec<_>>().join("\n")
+    let table = DeTable::parse(text).ok();
+    let entry = table.as_ref().and_then(|table| table.get_ref().get_key_value(PRESET_KEY));
+    let Some((key, value)) = entry else { return text.to_owned() };
+    let span = key.span().start..value.span().end;
+    let blank: String = text[span.clone()].chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+    format!("{}{blank}{}", &text[..span.start], &text[span.end..])
 }
 
 /// Whether a table holds a value under a dotted key.
@@ -201,6 +206,18 @@ mod tests {
         // Where nothing is there it is still no range, and a key that does not exist is none.
         assert!(layers.add_assignment("sites.lon_deg.max=20.0").is_err());
         assert!(layers.add_assignment("sites.lat_deg.most=20.0").is_err());
+    }
+
+    #[test]
+    fn a_preset_is_taken_out_wherever_toml_lets_it_stand() {
+        for (text, left) in [
+            ("preset = \"descent\"\nseed = 5\n", "                  \nseed = 5\n"),
+            ("\"preset\"='descent' # why\nseed = 5", "                   # why\nseed = 5"),
+            ("name = \"\"\"\npreset = 1\n\"\"\"\n", "name = \"\"\"\npreset = 1\n\"\"\"\n"),
+            ("[nadir]\npreset = 1\n", "[nadir]\npreset = 1\n"),
+        ] {
+            assert_eq!(without_preset(text), left);
+        }
     }
 
     #[test]

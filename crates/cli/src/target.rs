@@ -1,168 +1,86 @@
-//! Places to write to: refused if they exist, made beside the target, moved into place when complete, and gone without a
-//! trace if the command fails.
+//! Places that commands are asked to write to, and what is kept of a command that does not come to its end.
 
-use crate::exit::refuse;
-use anyhow::Context;
+use crate::args::Target;
+use selenograph_files::{
+    Error, Existing, FileKind, FileTarget, FolderDraft, FolderKind, HeldFolder, Sharing,
+};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-/// A file or folder in the making.
-#[derive(Debug)]
-pub struct Draft {
-    target: PathBuf,
-    partial: PathBuf,
-    made_folders: Vec<PathBuf>,
-    committed: bool,
+/// What stays of a command that ends before its end.
+enum Kept {
+    /// Nothing: its result appears when it is complete.
+    Nothing(PathBuf),
+    /// All that is complete, and a command that goes on.
+    Complete(PathBuf, String),
 }
 
-impl Draft {
-    /// Checks the target and makes the folders above it.
+/// Of the command of this process. The first that is said holds: the steps of a longer command are parts of it.
+static KEPT: OnceLock<Kept> = OnceLock::new();
+
+/// What is kept, in words; `None` for a command that writes nothing, or has not begun to.
+pub fn kept() -> Option<String> {
+    Some(match KEPT.get()? {
+        Kept::Nothing(target) => format!("nothing was written to `{}`", target.display()),
+        Kept::Complete(folder, _) => format!("what is complete in `{}` is kept", folder.display()),
+    })
+}
+
+/// What is said of an end from outside.
+pub fn stopped() -> String {
+    match (kept(), KEPT.get()) {
+        (Some(kept), Some(Kept::Complete(_, again))) => format!("stopped: {kept}; {again} goes on"),
+        (Some(kept), _) => format!("stopped: {kept}"),
+        (None, _) => "stopped".to_owned(),
+    }
+}
+
+fn say_nothing_is_kept(target: &Path) {
+    KEPT.get_or_init(|| Kept::Nothing(target.to_owned()));
+}
+
+/// Says that what is complete in a folder stays, and which command goes on with it.
+pub fn say_complete_is_kept(folder: &Path, again: impl Into<String>) {
+    KEPT.get_or_init(|| Kept::Complete(folder.to_owned(), again.into()));
+}
+
+/// The usual one.
+pub const SAME_COMMAND: &str = "the same command";
+
+impl Target {
+    /// What to do with what is there, for things that are made at once.
+    fn existing(&self) -> Existing {
+        if self.force { Existing::Replace } else { Existing::Refuse }
+    }
+
+    /// Takes the place of a file.
     ///
     /// # Errors
-    /// If the target exists and `force` is not given, or its folder cannot be written to.
-    pub fn new(target: &Path, force: bool) -> anyhow::Result<Self> {
-        let name = target.file_name().and_then(|name| name.to_str()).ok_or_else(|| {
-            refuse(format!("`{}` is not a name to write to", target.display()), "pass another --out")
-        })?;
-        if !force && is_occupied(target) {
-            return Err(refuse(
-                format!("`{}` exists", target.display()),
-                "pass --force to overwrite it, or another --out",
-            ));
-        }
-        let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let made_folders: Vec<PathBuf> =
-            parent.ancestors().take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
-        let draft = Self {
-            target: target.to_owned(),
-            partial: parent.join(format!(".{name}.partial")),
-            made_folders,
-            committed: false,
-        };
-        std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot make the folder `{}`", parent.display()))?;
-        draft.probe(parent)?;
+    /// Those of [`FileTarget::claim`].
+    pub fn file(&self, kind: &FileKind) -> Result<FileTarget, Error> {
+        let target = FileTarget::claim(&self.out, kind, self.existing())?;
+        say_nothing_is_kept(&self.out);
+        Ok(target)
+    }
+
+    /// Begins a folder that appears when it is complete.
+    ///
+    /// # Errors
+    /// Those of [`FolderDraft::claim`].
+    pub fn folder(&self, kind: &'static FolderKind) -> Result<FolderDraft, Error> {
+        let draft = FolderDraft::claim(&self.out, kind, self.existing())?;
+        say_nothing_is_kept(&self.out);
         Ok(draft)
     }
 
-    /// Finds out now, not after an hour of work, whether the folder can be written to.
-    fn probe(&self, parent: &Path) -> anyhow::Result<()> {
-        remove(&self.partial);
-        std::fs::write(&self.partial, b"")
-            .with_context(|| format!("cannot write to `{}`", parent.display()))?;
-        std::fs::remove_file(&self.partial).with_context(|| format!("cannot write to `{}`", parent.display()))
-    }
-
-    /// Where to write for now.
-    pub fn path(&self) -> &Path {
-        &self.partial
-    }
-
-    /// Moves what was written into place.
+    /// Takes a folder that is filled bit by bit: goes on with what is there, or with `--force` begins anew.
     ///
     /// # Errors
-    /// If the file system refuses; the old target is then still there.
-    pub fn commit(mut self) -> anyhow::Result<()> {
-        let old = self.partial.with_extension("replaced");
-        let context = || format!("cannot move the result to `{}`", self.target.display());
-        let replaces_folder = self.target.is_dir();
-        if replaces_folder {
-            std::fs::rename(&self.target, &old).with_context(context)?;
-        }
-        std::fs::rename(&self.partial, &self.target).with_context(context)?;
-        if replaces_folder {
-            remove(&old);
-        }
-        self.committed = true;
-        Ok(())
-    }
-}
-
-impl Drop for Draft {
-    fn drop(&mut self) {
-        if self.committed {
-            return;
-        }
-        remove(&self.partial);
-        for folder in &self.made_folders {
-            // Only an empty folder goes; what others put there in the meantime stays.
-            let _ = std::fs::remove_dir(folder);
-        }
-    }
-}
-
-/// Whether there is something that a command would destroy: a file, or a folder that is not empty.
-pub fn is_occupied(target: &Path) -> bool {
-    match std::fs::read_dir(target) {
-        Ok(mut entries) => entries.next().is_some(),
-        Err(_) => target.symlink_metadata().is_ok(),
-    }
-}
-
-/// Writes a small file in one go.
-///
-/// # Errors
-/// As [`Draft::new`] and [`Draft::commit`].
-pub fn write_file(target: &Path, force: bool, bytes: &[u8]) -> anyhow::Result<()> {
-    let draft = Draft::new(target, force)?;
-    std::fs::write(draft.path(), bytes).with_context(|| format!("cannot write `{}`", target.display()))?;
-    draft.commit()
-}
-
-fn remove(path: &Path) {
-    // Removing what is not there is what we want; anything else shows at the next write.
-    let _ = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
-}
-
-/// A folder that is being written; freed when this goes, also if the process is killed.
-#[cfg(feature = "train")]
-#[derive(Debug)]
-pub struct Held {
-    _folder: Option<std::fs::File>,
-}
-
-/// Takes a folder for this process. Where the file system knows no locks, nothing is held.
-///
-/// # Errors
-/// If another process has it.
-#[cfg(feature = "train")]
-pub fn hold(folder: &Path) -> anyhow::Result<Held> {
-    let Ok(file) = std::fs::File::open(folder) else { return Ok(Held { _folder: None }) };
-    match file.try_lock() {
-        Ok(()) => Ok(Held { _folder: Some(file) }),
-        Err(std::fs::TryLockError::Error(_)) => Ok(Held { _folder: None }),
-        Err(std::fs::TryLockError::WouldBlock) => Err(refuse(
-            format!("another process is writing `{}`", folder.display()),
-            "wait for its end, or stop it",
-        )),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_draft_that_is_dropped_leaves_nothing() {
-        let dir = tempfile::tempdir().unwrap();
-        let target = dir.path().join("a/b/c.txt");
-        let draft = Draft::new(&target, false).unwrap();
-        std::fs::write(draft.path(), "half").unwrap();
-        drop(draft);
-        assert!(!is_occupied(dir.path()));
-    }
-
-    #[test]
-    fn existing_targets_need_force_and_are_replaced_whole() {
-        let dir = tempfile::tempdir().unwrap();
-        let target = dir.path().join("out");
-        std::fs::create_dir(&target).unwrap();
-        std::fs::write(target.join("old"), "1").unwrap();
-        assert!(Draft::new(&target, false).is_err());
-        let draft = Draft::new(&target, true).unwrap();
-        std::fs::create_dir(draft.path()).unwrap();
-        std::fs::write(draft.path().join("new"), "2").unwrap();
-        draft.commit().unwrap();
-        assert!(target.join("new").exists() && !target.join("old").exists());
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    /// Those of [`HeldFolder::take`].
+    pub fn held(&self, kind: &'static FolderKind) -> Result<HeldFolder, Error> {
+        let existing = if self.force { Existing::Replace } else { Existing::Resume };
+        let folder = HeldFolder::take(&self.out, kind, existing, Sharing::Alone)?;
+        say_complete_is_kept(&self.out, SAME_COMMAND);
+        Ok(folder)
     }
 }

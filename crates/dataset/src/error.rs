@@ -16,6 +16,9 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// A file is not what its name says.
     #[error("`{}`: expected {expected}, found {found}", path.display())]
     Format {
@@ -47,6 +50,8 @@ pub enum Error {
     Campaign {
         /// The parser's message, with the line.
         what: String,
+        /// The known key nearest to one that is not known.
+        nearest: Option<String>,
     },
     /// A setting outside its range.
     #[error("campaign key `{key}`: expected {expected}, found {found}")]
@@ -75,20 +80,6 @@ pub enum Error {
         name: String,
         /// The names there are.
         known: String,
-    },
-    /// The output folder exists and neither `force` nor `resume` was asked for.
-    #[error("`{}` exists and is not empty", path.display())]
-    TargetExists {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The output folder holds something else, and is not emptied even by force.
-    #[error("`{}` holds `{found}`, which no dataset does", path.display())]
-    NotADataset {
-        /// The folder.
-        path: PathBuf,
-        /// What is in it.
-        found: String,
     },
     /// A shard that does not exist.
     #[error("shard {shard} of {num_shards}: shards are numbered from 0, below their count")]

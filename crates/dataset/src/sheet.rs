@@ -75,7 +75,7 @@ pub fn write(
         }
         let path = out.join(format!("sheet_{:03}.png", paths.len()));
         let bytes = png::encode_rgb8(&page(&entries, options.thumbnail_px))?;
-        std::fs::write(&path, bytes).map_err(Error::io("write", &path))?;
+        selenograph_files::write(&path, bytes)?;
         paths.push(path);
     }
     Ok((paths, skipped))

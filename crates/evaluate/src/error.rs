@@ -16,6 +16,9 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// A file is not what its name says.
     #[error("`{}`: expected {expected}, found {found}", path.display())]
     Format {

@@ -16,6 +16,9 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// Another kind of file.
     #[error("`{}` is not a checkpoint read here: expected {expected}, found {found}", path.display())]
     NotACheckpoint {

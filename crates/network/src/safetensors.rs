@@ -9,10 +9,10 @@
 use crate::Error;
 use crate::element::ElementType;
 use crate::zip::{ReadAt, Span};
+use selenograph_files::FileDraft;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -194,8 +194,7 @@ const ALL: [(&str, ElementType); 10] = [
 #[derive(Debug)]
 pub struct Writer {
     target: PathBuf,
-    partial: PathBuf,
-    file: Option<BufWriter<File>>,
+    file: BufWriter<FileDraft>,
     entries: Vec<Entry>,
     next: usize,
     buffer: Vec<u8>,
@@ -212,12 +211,8 @@ impl Writer {
         metadata: &BTreeMap<String, String>,
     ) -> Result<Self, Error> {
         let header = header_text(&entries, metadata, target)?;
-        let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let partial = target.with_file_name(format!(".{name}.writing"));
-        let file = File::create(&partial).map_err(Error::io("write", target))?;
-        let file = Some(BufWriter::with_capacity(1 << 20, file));
-        let mut writer =
-            Self { target: target.to_owned(), partial, file, entries, next: 0, buffer: Vec::new() };
+        let file = BufWriter::with_capacity(1 << 20, FileDraft::new(target)?);
+        let mut writer = Self { target: target.to_owned(), file, entries, next: 0, buffer: Vec::new() };
         writer.bytes(&(header.len() as u64).to_le_bytes())?;
         writer.bytes(&header)?;
         Ok(writer)
@@ -260,31 +255,19 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Malformed`] if tensors have not been written.
-    pub fn finish(mut self) -> Result<(), Error> {
+    pub fn finish(self) -> Result<(), Error> {
         if self.next != self.entries.len() {
             let expected = format!("{} written", self.entries.len());
             return Err(Error::malformed(&self.target, "tensors", expected, self.next.to_string()));
         }
-        if let Some(file) = self.file.take() {
-            let file =
-                file.into_inner().map_err(|error| Error::io("write", &self.target)(error.into_error()))?;
-            file.sync_all().map_err(Error::io("write", &self.target))?;
-        }
-        std::fs::rename(&self.partial, &self.target).map_err(Error::io("write", &self.target))
+        let refused = selenograph_files::Error::io("write", &self.target);
+        let draft = self.file.into_inner().map_err(|error| refused(error.into_error()))?;
+        draft.sync()?;
+        Ok(draft.commit()?)
     }
 
     fn bytes(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        match &mut self.file {
-            Some(file) => file.write_all(bytes).map_err(Error::io("write", &self.target)),
-            None => Ok(()),
-        }
-    }
-}
-
-impl Drop for Writer {
-    fn drop(&mut self) {
-        // After `finish` there is nothing by that name; before it, half a file is of no use.
-        let _ = std::fs::remove_file(&self.partial);
+        Ok(self.file.write_all(bytes).map_err(selenograph_files::Error::io("write", &self.target))?)
     }
 }
 

@@ -16,6 +16,9 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// Another kind of file than those we read.
     #[error("`{}` is not a format read here: expected {expected}, found {found}", path.display())]
     UnknownFormat {

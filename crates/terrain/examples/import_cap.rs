@@ -34,7 +34,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let start = Instant::now();
     let source = ImportSource { path: tiff, options: OpenOptions::default() };
-    let description = import(&[source], &target, &ImportOptions::default(), &mut |_| {})?;
+    let description = import(
+        &[source],
+        selenograph_files::FolderDraft::beside(&target)?,
+        &ImportOptions::default(),
+        &mut |_| {},
+    )?;
     println!("import: {:.1} s, peak memory so far {} kB", start.elapsed().as_secs_f64(), peak_memory_kb());
     let bytes: u64 = description.layers.iter().map(|layer| layer.bytes).sum();
     println!("bytes: {bytes}, {:.4} of the model's {dem_bytes}", bytes as f64 / dem_bytes as f64);

@@ -32,15 +32,12 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// An elevation model that cannot be read.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),
-    /// The target is already there and nothing said to replace it.
-    #[error("`{}` exists already", path.display())]
-    TargetExists {
-        /// The folder.
-        path: PathBuf,
-    },
     /// A folder without a terrain in it.
     #[error("`{}` is not a terrain: {what}", path.display())]
     NotATerrain {
@@ -103,7 +100,7 @@ impl Error {
     pub fn hint(&self) -> Option<&'static str> {
         match self {
             Self::Raster(error) => error.hint(),
-            Self::TargetExists { .. } => Some("pass --force to replace it, or another --out"),
+            Self::Files(error) => error.hint(),
             Self::NotATerrain { .. } => {
                 Some("make one with `selenograph dem import` or `selenograph dem synth`")
             }

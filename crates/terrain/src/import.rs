@@ -1,13 +1,13 @@
 //! Elevation models from files into a terrain folder, streamed by bands of rows.
 
 use crate::nest::{self, NestOptions};
-use crate::store::{Description, Existing, Source, TerrainWriter};
+use crate::store::{Description, Source, TerrainWriter};
 use crate::{Error, Grid};
+use selenograph_files::FolderDraft;
 use selenograph_geometry::{Projection, proj_string::Crs};
 use selenograph_raster::dem::{DemInfo, DemReader, OpenOptions};
 use selenograph_raster::georef::Affine;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Rows handled at a time where nothing else decides.
@@ -25,18 +25,10 @@ pub struct ImportSource {
 }
 
 /// How to import.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ImportOptions {
     /// How finer models are fitted onto coarser ones.
     pub nest: NestOptions,
-    /// What to do with a target that is there already.
-    pub existing: Existing,
-}
-
-impl Default for ImportOptions {
-    fn default() -> Self {
-        Self { nest: NestOptions::default(), existing: Existing::Refuse }
-    }
 }
 
 /// How far an import has come.
@@ -59,10 +51,10 @@ pub struct Progress<'a> {
 ///
 /// # Errors
 /// [`Error::Raster`] for files that cannot be read or hold no valid height, [`Error::Grid`] for files on different
-/// spheres or without any file, [`Error::TargetExists`], [`Error::Io`]. The target is touched only when all is done.
+/// spheres or without any file, [`Error::Files`], [`Error::Io`]. The target is touched only when all is done.
 pub fn import(
     sources: &[ImportSource],
-    target: &Path,
+    folder: FolderDraft,
     options: &ImportOptions,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Description, Error> {
@@ -72,7 +64,7 @@ pub fn import(
     let Some(coarsest) = models.first() else {
         return Err(Error::Grid { expected: "at least one elevation model", found: "none".into() });
     };
-    let mut writer = TerrainWriter::create(target, options.existing, coarsest.grid.crs.body.clone())?;
+    let mut writer = TerrainWriter::create(folder, coarsest.grid.crs.body.clone());
     let num_layers = models.len();
     for (layer_idx, mut model) in models.into_iter().enumerate() {
         let path = model.path.clone();
@@ -143,16 +135,14 @@ impl Model {
 
     fn source(&self) -> Result<Source, Error> {
         let path = &self.reader.info().data_path;
-        let mut hasher = blake3::Hasher::new();
-        let file = File::open(path).map_err(Error::io("open", path))?;
-        hasher.update_reader(file).map_err(Error::io("read", path))?;
+        let sum = selenograph_files::checksum::of_file(path)?;
         let mut info = self.reader.info().clone();
         // Folders of the machine that imported say nothing on another one.
         let name = |path: &Path| path.file_name().map_or_else(|| path.to_owned(), PathBuf::from);
         (info.path, info.data_path) = (name(&info.path), name(&info.data_path));
         Ok(Source {
             name: info.path.display().to_string(),
-            blake3: Some(hasher.finalize().to_hex().to_string()),
+            blake3: Some(sum.to_string()),
             details: serde_json::to_value(&info).unwrap_or_default(),
         })
     }

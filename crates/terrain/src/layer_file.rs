@@ -7,6 +7,7 @@ use crate::Block;
 use crate::layer::SUPPORT_BLOCK;
 use crate::pyramid::FIRST_MIN_LEVEL;
 use crate::{Error, Grid, Pyramid, PyramidBuilder, PyramidShape};
+use selenograph_files::checksum;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -70,12 +71,12 @@ struct Stream {
     offset: u64,
     written: u64,
     buffer: Vec<u8>,
-    hasher: blake3::Hasher,
+    hasher: checksum::Hasher,
 }
 
 impl Stream {
     fn new(name: String, offset: u64) -> Self {
-        Self { name, offset, written: 0, buffer: Vec::new(), hasher: blake3::Hasher::new() }
+        Self { name, offset, written: 0, buffer: Vec::new(), hasher: checksum::Hasher::new() }
     }
 
     fn push(&mut self, values: &[f32], file: &mut File) -> std::io::Result<()> {
@@ -94,7 +95,7 @@ impl Stream {
 
     fn finish(mut self, file: &mut File) -> std::io::Result<Section> {
         self.flush(file)?;
-        let blake3 = self.hasher.finalize().to_hex().to_string();
+        let blake3 = self.hasher.finalize().to_string();
         Ok(Section { name: self.name, offset: self.offset, bytes: self.written, blake3 })
     }
 }
@@ -170,7 +171,7 @@ impl LayerWriter {
                 }
             });
             if let Some(source) = failed {
-                return Err(Error::io("write", &self.path)(source));
+                return Err(selenograph_files::Error::io("write", &self.path)(source).into());
             }
             for &height in row {
                 // Comparisons with NaN are false: absent nodes widen nothing.
@@ -190,7 +191,8 @@ impl LayerWriter {
                 cells: self.grid.cols * self.grid.rows,
             });
         }
-        let sections = self.finish_sections(support_m).map_err(Error::io("write", &self.path))?;
+        let sections =
+            self.finish_sections(support_m).map_err(selenograph_files::Error::io("write", &self.path))?;
         let expected = 4 * (self.grid.cols as u64) * (self.grid.rows as u64);
         if sections[0].bytes != expected {
             return Err(Error::Corrupt {
@@ -225,7 +227,7 @@ impl LayerWriter {
 }
 
 /// Writes the header of a finished layer file: it ties the file to one description.
-pub(crate) fn write_header(path: &Path, version: u32, description: &blake3::Hash) -> Result<(), Error> {
+pub(crate) fn write_header(path: &Path, version: u32, description: &checksum::Checksum) -> Result<(), Error> {
     let mut header = Vec::from(MAGIC);
     header.extend(version.to_le_bytes());
     header.extend(description.as_bytes());

@@ -6,26 +6,30 @@
 
 use crate::layer_file::{self, LayerWriter, Section, Written};
 use crate::{Error, Grid, Layer, Terrain};
+use selenograph_files::{FolderDraft, FolderKind, checksum};
 use selenograph_geometry::{Body, proj_string};
 use selenograph_raster::georef::Affine;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io::{Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Version of the format written and read here.
 pub const FORMAT_VERSION: u32 = 1;
 /// The description's file name.
 const DESCRIPTION: &str = "terrain.json";
 
-/// What to do with a target that is there already.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Existing {
-    /// Leave it and fail.
-    Refuse,
-    /// Replace it, if it is a terrain or an empty folder.
-    Replace,
-}
+/// A terrain's folder, as one that may be replaced by another.
+pub static TERRAIN: FolderKind = FolderKind {
+    command: "dem import",
+    what: "a terrain",
+    is_own: |folder| {
+        let text = fs::read(folder.join(DESCRIPTION)).unwrap_or_default();
+        serde_json::from_slice::<VersionOnly>(&text).is_ok_and(|found| found.format == FORMAT)
+    },
+    names: &[DESCRIPTION, "layer-#.bin"],
+    parts: &[],
+};
 
 /// Where a layer's heights come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -96,10 +100,7 @@ const FORMAT: &str = "selenograph terrain";
 
 /// A terrain being written.
 pub struct TerrainWriter {
-    target: PathBuf,
-    existing: Existing,
-    /// Removed when dropped, unless it has been renamed into place.
-    folder: tempfile::TempDir,
+    folder: FolderDraft,
     body: Body,
     /// In the order in which they came: coarse to fine.
     layers: Vec<(LayerDescription, Layer)>,
@@ -124,23 +125,9 @@ impl NewLayer {
 }
 
 impl TerrainWriter {
-    /// Starts a terrain on a body beside `target`.
-    ///
-    /// # Errors
-    /// [`Error::TargetExists`] if there is something at the target that may not be replaced; [`Error::Io`].
-    pub fn create(target: &Path, existing: Existing, body: Body) -> Result<Self, Error> {
-        check_target(target, existing)?;
-        let parent = match target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
-        let folder = tempfile::Builder::new()
-            .prefix(".terrain-")
-            .suffix(".partial")
-            .tempdir_in(parent)
-            .map_err(Error::io("write in", parent))?;
-        Ok(Self { target: target.to_owned(), existing, folder, body, layers: Vec::new() })
+    /// Starts a terrain on a body; the folder appears when it is finished.
+    pub fn create(folder: FolderDraft, body: Body) -> Self {
+        Self { folder, body, layers: Vec::new() }
     }
 
     /// A folder for intermediate files that vanishes with the rest.
@@ -213,7 +200,7 @@ impl TerrainWriter {
     /// Writes the description and moves the whole into place.
     ///
     /// # Errors
-    /// [`Error::Grid`] without layers or out of order; [`Error::TargetExists`]; [`Error::Io`].
+    /// [`Error::Grid`] without layers or out of order; [`Error::Files`]; [`Error::Io`].
     pub fn finish(self) -> Result<Description, Error> {
         self.surface()?;
         let description = Description {
@@ -225,73 +212,16 @@ impl TerrainWriter {
         let path = self.folder.path().join(DESCRIPTION);
         let text = serde_json::to_vec_pretty(&description)
             .map_err(|e| Error::io("write", &path)(std::io::Error::other(e)))?;
-        let hash = blake3::hash(&text);
+        let hash = checksum::of_bytes(&text);
         for layer in &description.layers {
             layer_file::write_header(&self.folder.path().join(&layer.file), FORMAT_VERSION, &hash)?;
         }
         fs::write(&path, &text).map_err(Error::io("write", &path))?;
         File::open(&path).and_then(|f| f.sync_all()).map_err(Error::io("write", &path))?;
-        move_into_place(self.folder, &self.target, self.existing)?;
+        self.folder.commit()?;
         Ok(description)
     }
 }
-
-/// Whether something may be written at the target.
-fn check_target(target: &Path, existing: Existing) -> Result<(), Error> {
-    if !target.exists() {
-        return Ok(());
-    }
-    let is_empty = || fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_none());
-    if target.is_dir() && is_empty() {
-        return Ok(());
-    }
-    if existing == Existing::Replace {
-        if target.join(DESCRIPTION).is_file() {
-            return Ok(());
-        }
-        return Err(Error::NotATerrain {
-            path: target.to_owned(),
-            what: "something else is there, which is not replaced".into(),
-        });
-    }
-    Err(Error::TargetExists { path: target.to_owned() })
-}
-
-/// Renames the finished folder to its name; an older terrain goes away only when the new one is in place.
-fn move_into_place(folder: tempfile::TempDir, target: &Path, existing: Existing) -> Result<(), Error> {
-    check_target(target, existing)?;
-    let old = folder.path().with_extension("old");
-    let replaces = target.exists();
-    if replaces {
-        fs::rename(target, &old).map_err(Error::io("rename", target))?;
-    }
-    if let Err(source) = fs::rename(folder.path(), target) {
-        if replaces {
-            // The new one could not be put in place: the old one goes back. If even that fails it is still whole
-            // under its other name, and the first error is the one to tell.
-            let _ = fs::rename(&old, target);
-        }
-        return Err(Error::io("rename to", target)(source));
-    }
-    // Nothing is left under the temporary name, so there is nothing to clean up.
-    let _ = folder.keep();
-    if replaces {
-        fs::remove_dir_all(&old).map_err(Error::io("remove", &old))?;
-    }
-    set_readable(target);
-    Ok(())
-}
-
-/// Temporary folders are private to their user; a finished terrain has the rights of a new folder. Without them it is
-/// still whole, so a failure is not an error.
-#[cfg(unix)]
-fn set_readable(target: &Path) {
-    use std::os::unix::fs::PermissionsExt;
-    let _ = fs::set_permissions(target, fs::Permissions::from_mode(0o755));
-}
-
-#[cfg(not(unix))]
-fn set_readable(_target: &Path) {}
 
 fn open_layer(path: &Path, grid: &Grid, has_support: bool, height_range: (f32, f32)) -> Result<Layer, Error> {
     let layer_file::Mapped { heights, pyramid, support_m } = layer_file::map(path, grid, has_support)?;
@@ -300,7 +230,7 @@ fn open_layer(path: &Path, grid: &Grid, has_support: bool, height_range: (f32, f
 }
 
 /// Reads `terrain.json` and its hash.
-fn describe_with_hash(dir: &Path) -> Result<(Description, blake3::Hash), Error> {
+fn describe_with_hash(dir: &Path) -> Result<(Description, checksum::Checksum), Error> {
     let path = dir.join(DESCRIPTION);
     let text = fs::read(&path).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory => Error::NotATerrain {
@@ -324,7 +254,7 @@ fn describe_with_hash(dir: &Path) -> Result<(Description, blake3::Hash), Error> 
     if version != FORMAT_VERSION {
         return Err(Error::Version { path: dir.to_owned(), expected: FORMAT_VERSION, found: version });
     }
-    Ok((serde_json::from_slice(&text).map_err(damaged)?, blake3::hash(&text)))
+    Ok((serde_json::from_slice(&text).map_err(damaged)?, checksum::of_bytes(&text)))
 }
 
 /// Reads what a terrain folder says of itself.
@@ -382,9 +312,8 @@ pub fn verify(dir: &Path) -> Result<(), Error> {
         let mut file = File::open(&path).map_err(Error::io("open", &path))?;
         for section in &layer.sections {
             file.seek(SeekFrom::Start(section.offset)).map_err(Error::io("read", &path))?;
-            let mut hasher = blake3::Hasher::new();
-            hasher.update_reader((&mut file).take(section.bytes)).map_err(Error::io("read", &path))?;
-            let found = hasher.finalize().to_hex().to_string();
+            let found = checksum::of_reader((&mut file).take(section.bytes));
+            let found = found.map_err(Error::io("read", &path))?.to_string();
             if found != section.blake3 {
                 return Err(Error::Corrupt {
                     path,

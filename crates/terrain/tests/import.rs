@@ -6,12 +6,18 @@
     reason = "a test may panic and tell"
 )]
 
+use selenograph_files::{Existing, FolderDraft};
 use selenograph_geometry::{Body, Geodetic, Projection, proj_string::Crs};
 use selenograph_raster::dem::{GeoTiffLayout, GeoTiffWriter, OpenOptions, WriteOptions};
 use selenograph_raster::georef::Affine;
 use selenograph_terrain::import::{ImportOptions, ImportSource, import};
+use selenograph_terrain::store::TERRAIN;
 use selenograph_terrain::{Error, Terrain};
 use std::path::{Path, PathBuf};
+
+fn draft(target: &Path) -> FolderDraft {
+    FolderDraft::claim(target, &TERRAIN, Existing::Refuse).unwrap()
+}
 
 fn write(
     path: &Path,
@@ -34,7 +40,7 @@ fn source(path: &Path) -> ImportSource {
 
 fn imported(paths: &[&Path], target: &Path) -> Result<Terrain, Error> {
     let sources: Vec<_> = paths.iter().map(|p| source(p)).collect();
-    import(&sources, target, &ImportOptions::default(), &mut |_| {})?;
+    import(&sources, draft(target), &ImportOptions::default(), &mut |_| {})?;
     Terrain::open(target)
 }
 
@@ -101,7 +107,7 @@ fn models_are_layered_by_cell_size_whatever_their_order() {
     let mut last = (0, 0);
     let sources = [source(&coarse), source(&fine)];
     let target = dir.path().join("t");
-    let description = import(&sources, &target, &ImportOptions::default(), &mut |p| {
+    let description = import(&sources, draft(&target), &ImportOptions::default(), &mut |p| {
         assert!(p.rows_done <= p.num_rows && p.num_layers == 2 && p.layer_idx >= last.0);
         last = (p.layer_idx, p.rows_done);
     })

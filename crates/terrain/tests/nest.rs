@@ -6,14 +6,19 @@
     reason = "a test may panic and tell"
 )]
 
+use selenograph_files::{Existing, FolderDraft};
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::dem::{DemReader, OpenOptions};
 use selenograph_raster::georef::Affine;
 use selenograph_terrain::import::{ImportOptions, ImportSource, import};
 use selenograph_terrain::nest::{NestOptions, NestReport, add_nested};
-use selenograph_terrain::store::{Existing, Source, TerrainWriter, describe, verify};
+use selenograph_terrain::store::{Source, TERRAIN, TerrainWriter, describe, verify};
 use selenograph_terrain::{Grid, Layer, Terrain};
 use std::path::{Path, PathBuf};
+
+fn draft(target: &Path) -> FolderDraft {
+    FolderDraft::claim(target, &TERRAIN, Existing::Refuse).unwrap()
+}
 
 fn south(cols: usize, rows: usize, x0: f64, y0: f64, cell: f64) -> Grid {
     let body = Body::moon();
@@ -52,7 +57,7 @@ fn source() -> Source {
 
 /// A terrain of a coarse grid and finer ones, coarse to fine.
 fn nested(target: &Path, layers: &[(Grid, Vec<f32>)]) -> (Terrain, Vec<NestReport>) {
-    let mut writer = TerrainWriter::create(target, Existing::Refuse, Body::moon()).unwrap();
+    let mut writer = TerrainWriter::create(draft(target), Body::moon());
     let mut reports = Vec::new();
     for (idx, (grid, heights)) in layers.iter().enumerate() {
         if idx == 0 {
@@ -306,7 +311,7 @@ fn shared_real_models_make_one_surface_without_cliffs() {
 fn check_nest(sources: &[ImportSource]) {
     let dir = tempfile::tempdir().unwrap();
     let target = dir.path().join("terrain");
-    import(sources, &target, &ImportOptions::default(), &mut |_| {}).unwrap();
+    import(sources, draft(&target), &ImportOptions::default(), &mut |_| {}).unwrap();
     let terrain = Terrain::open(&target).unwrap();
     let description = describe(&target).unwrap();
     assert_eq!(terrain.layers.len(), sources.len());

@@ -6,9 +6,10 @@
     reason = "a test may panic and tell"
 )]
 
+use selenograph_files::{Existing, FolderDraft};
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::georef::Affine;
-use selenograph_terrain::store::{Existing, Source, TerrainWriter, describe, verify};
+use selenograph_terrain::store::{Source, TERRAIN, TerrainWriter, describe, verify};
 use selenograph_terrain::{Error, Grid, Layer, Terrain};
 use std::fs;
 use std::path::Path;
@@ -33,13 +34,17 @@ fn source() -> Source {
 }
 
 fn write(target: &Path, existing: Existing) -> Result<(), Error> {
-    let mut writer = TerrainWriter::create(target, existing, Body::moon())?;
+    let mut writer = TerrainWriter::create(FolderDraft::claim(target, &TERRAIN, existing)?, Body::moon());
     let mut layer = writer.begin_layer(&grid(), false)?;
     for band in heights().chunks(COLS * 10) {
         layer.push_rows(band)?;
     }
     writer.finish_layer(layer, source(), None, None)?;
     writer.finish().map(|_| ())
+}
+
+fn begin(target: &Path) -> TerrainWriter {
+    TerrainWriter::create(FolderDraft::claim(target, &TERRAIN, Existing::Refuse).unwrap(), Body::moon())
 }
 
 fn names(dir: &Path) -> Vec<String> {
@@ -70,7 +75,10 @@ fn an_existing_target_is_replaced_only_when_told_and_only_if_it_is_a_terrain() {
     let dir = tempfile::tempdir().unwrap();
     let target = dir.path().join("terrain");
     write(&target, Existing::Refuse).unwrap();
-    assert!(matches!(write(&target, Existing::Refuse), Err(Error::TargetExists { .. })));
+    assert!(matches!(
+        write(&target, Existing::Refuse),
+        Err(Error::Files(selenograph_files::Error::Exists { .. }))
+    ));
     write(&target, Existing::Replace).unwrap();
     verify(&target).unwrap();
     let other = dir.path().join("photographs");
@@ -79,21 +87,28 @@ fn an_existing_target_is_replaced_only_when_told_and_only_if_it_is_a_terrain() {
     let precious = dir.path().join("precious");
     fs::create_dir(&precious).unwrap();
     fs::write(precious.join("thesis.tex"), "x").unwrap();
-    assert!(matches!(write(&precious, Existing::Replace), Err(Error::NotATerrain { .. })));
+    assert!(matches!(
+        write(&precious, Existing::Replace),
+        Err(Error::Files(selenograph_files::Error::OtherKind { .. }))
+    ));
     assert_eq!(names(&precious), ["thesis.tex"]);
+    // In a terrain it is not ours either.
+    fs::write(target.join("thesis.tex"), "x").unwrap();
+    let refused = write(&target, Existing::Replace);
+    assert!(matches!(refused, Err(Error::Files(selenograph_files::Error::Foreign { .. }))));
 }
 
 #[test]
 fn a_writer_that_stops_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let target = dir.path().join("terrain");
-    let mut writer = TerrainWriter::create(&target, Existing::Refuse, Body::moon()).unwrap();
+    let mut writer = begin(&target);
     let mut layer = writer.begin_layer(&grid(), false).unwrap();
     layer.push_rows(&heights()[..COLS * 20]).unwrap();
     // Rows are missing.
     assert!(matches!(writer.finish_layer(layer, source(), None, None), Err(Error::Corrupt { .. })));
     drop(writer);
-    let mut writer = TerrainWriter::create(&target, Existing::Refuse, Body::moon()).unwrap();
+    let mut writer = begin(&target);
     let mut layer = writer.begin_layer(&grid(), false).unwrap();
     layer.push_rows(&[f32::NAN; COLS * ROWS]).unwrap();
     let result = writer.finish_layer(layer, source(), None, None);

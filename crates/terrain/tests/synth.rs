@@ -6,10 +6,11 @@
     reason = "a test may panic and tell"
 )]
 
+use selenograph_files::{Existing, FolderDraft};
 use selenograph_geometry::{Body, Projection, proj_string::Crs};
 use selenograph_raster::dem::{DemReader, OpenOptions, WriteOptions};
 use selenograph_raster::georef::Affine;
-use selenograph_terrain::store::{Existing, verify};
+use selenograph_terrain::store::{TERRAIN, verify};
 use selenograph_terrain::synth::{BaseSurface, Synth, SynthSettings, south_polar_grid};
 use selenograph_terrain::{Error, Grid, Terrain};
 
@@ -138,7 +139,8 @@ fn geotiff_and_terrain_hold_the_same_heights() {
         })
         .unwrap();
     assert!(calls > 1);
-    synth.write_terrain(&folder, Existing::Refuse, &mut |_, _| {}).unwrap();
+    let draft = FolderDraft::claim(&folder, &TERRAIN, Existing::Refuse).unwrap();
+    synth.write_terrain(draft, &mut |_, _| {}).unwrap();
     verify(&folder).unwrap();
     let terrain = Terrain::open(&folder).unwrap();
     let mut reader = DemReader::open(&tiff, &OpenOptions::default()).unwrap();

@@ -16,6 +16,9 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A file or folder that cannot be written.
+    #[error(transparent)]
+    Files(#[from] selenograph_files::Error),
     /// A checkpoint of weights.
     #[error(transparent)]
     Network(#[from] selenograph_network::Error),
@@ -115,6 +118,8 @@ impl Error {
             Self::Model(error) => error.hint(),
             Self::Engine(error) => error.hint(),
             Self::Network(selenograph_network::Error::Io { action: "write", .. })
+            | Self::Network(selenograph_network::Error::Files(_))
+            | Self::Files(_)
             | Self::Io { action: "write", .. } => Some(
                 "is there space, and may you write there? the last checkpoint is whole: `train resume` goes on from it",
             ),

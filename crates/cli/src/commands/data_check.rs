@@ -1,12 +1,31 @@
 //! `data check`: what is wrong with a dataset.
 
+use super::run_record::{NO_OUTCOME, write_record};
+use crate::args::Target;
 use crate::args::data::{Check, KConvention};
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
 use selenograph_dataset::check::{CheckOptions, Severity, check};
 use selenograph_dataset::photometric;
+use selenograph_files::{FolderDraft, FolderKind, record};
 use selenograph_geometry::PixelConvention;
+use serde::Serialize;
+use std::path::Path;
+
+static BESIDE: FolderKind = FolderKind {
+    command: "data check",
+    what: "a folder of pictures beside their renderings",
+    is_own: |folder| record::is_of(folder, BESIDE.command),
+    names: &["run.toml", "*_im_#.png"],
+    parts: &[],
+};
+
+/// For the record of the pictures.
+#[derive(Serialize)]
+struct Settings<'a> {
+    dataset: &'a Path,
+    k_pixel_convention: PixelConvention,
+}
 
 /// Checks and reports; ends with exit code 1 where something is wrong (warnings alone do not).
 ///
@@ -36,11 +55,9 @@ fn render(args: &Check, ui: &Ui) -> anyhow::Result<Outcome> {
         k_convention: convention(args.k_convention),
         ..photometric::Settings::default()
     };
-    let draft = args.out.as_deref().map(|out| Draft::new(out, args.force)).transpose()?;
-    let pictures = draft.as_ref().map(Draft::path);
-    if let Some(folder) = pictures {
-        std::fs::create_dir(folder)?;
-    }
+    let target = args.out.clone().map(|out| Target { out, force: args.force });
+    let draft = target.map(|target| target.folder(&BESIDE)).transpose()?;
+    let pictures = draft.as_ref().map(FolderDraft::path);
     let bar = ui.bar(0, "pairs");
     let report = photometric::check(&args.dataset, &settings, pictures, &mut |done, total| {
         bar.set_length(total as u64);
@@ -57,6 +74,8 @@ fn render(args: &Check, ui: &Ui) -> anyhow::Result<Outcome> {
         ));
     }
     if let Some(draft) = draft {
+        let settings = Settings { dataset: &args.dataset, k_pixel_convention: settings.k_convention };
+        write_record(draft.path(), BESIDE.command, &[], &settings, NO_OUTCOME)?;
         draft.commit()?;
     }
     if ui.json {

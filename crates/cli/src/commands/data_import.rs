@@ -4,9 +4,8 @@ use super::clock::now_utc;
 use super::data_check::convention;
 use crate::args::data::{Import, Suns};
 use crate::exit::Outcome;
-use crate::target::Draft;
 use crate::ui::Ui;
-use selenograph_dataset::import::{ImportOptions, import_dataset};
+use selenograph_dataset::import::{IMPORT, ImportOptions, import_dataset};
 use selenograph_dataset::pair::ImportedSuns;
 
 /// Imports; what is left out is listed, with exit code 3.
@@ -14,7 +13,7 @@ use selenograph_dataset::pair::ImportedSuns;
 /// # Errors
 /// A folder without whole triplets, a target that cannot be written.
 pub fn run(args: &Import, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let draft = args.target.folder(&IMPORT)?;
     let options = ImportOptions {
         k_convention: convention(args.k_convention),
         suns: match args.suns {

@@ -1,14 +1,32 @@
 //! `data sheet`: contact sheets.
 
+use super::run_record::{NO_OUTCOME, write_record};
 use crate::args::data::Sheet;
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
-use anyhow::Context;
 use selenograph_dataset::sheet::{self, SheetOptions};
+use selenograph_files::{FolderKind, record};
+use serde::Serialize;
+use std::path::Path;
 
 /// Smallest thumbnail that shows anything, pixels.
 const MIN_THUMBNAIL_PX: usize = 16;
+
+pub(super) static SHEETS: FolderKind = FolderKind {
+    command: "data sheet",
+    what: "a folder of contact sheets",
+    is_own: |folder| record::is_of(folder, SHEETS.command),
+    names: &["run.toml", "sheet_#.png"],
+    parts: &[],
+};
+
+#[derive(Serialize)]
+struct Settings<'a> {
+    dataset: &'a Path,
+    pairs: usize,
+    thumbnail_px: usize,
+    skipped: &'a [String],
+}
 
 /// Writes the pages into a folder.
 ///
@@ -21,11 +39,9 @@ pub fn run(args: &Sheet, ui: &Ui) -> anyhow::Result<Outcome> {
             format!("--pairs is at least 1, --thumbnail-px at least {MIN_THUMBNAIL_PX}"),
         ));
     }
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let draft = args.target.folder(&SHEETS)?;
     let options =
         SheetOptions { thumbnail_px: args.thumbnail_px, max_pairs: args.pairs, ..SheetOptions::default() };
-    std::fs::create_dir(draft.path())
-        .with_context(|| format!("cannot write `{}`", args.target.out.display()))?;
     let (pages, skipped) = sheet::write(&args.dataset, draft.path(), &options)?;
     if pages.is_empty() {
         let why = skipped.into_iter().next().unwrap_or_default();
@@ -35,6 +51,13 @@ pub fn run(args: &Sheet, ui: &Ui) -> anyhow::Result<Outcome> {
         ));
     }
     let num_pages = pages.len();
+    let settings = Settings {
+        dataset: &args.dataset,
+        pairs: args.pairs,
+        thumbnail_px: args.thumbnail_px,
+        skipped: &skipped,
+    };
+    write_record(draft.path(), SHEETS.command, &[], &settings, NO_OUTCOME)?;
     draft.commit()?;
     ui.note(&format!("{num_pages} page(s): {}", args.target.out.display()));
     Ok(if skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(skipped) })

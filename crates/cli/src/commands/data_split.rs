@@ -2,21 +2,22 @@
 
 use crate::args::data::Split;
 use crate::exit::{Outcome, refuse};
-use crate::target;
 use crate::ui::Ui;
 use selenograph_dataset::split::{SplitOptions, footprints, split};
+use selenograph_files::FileKind;
+
+const SPLIT: FileKind = FileKind {
+    command: "data split",
+    what: "a split",
+    is_own: |head| head.starts_with(b"{\n  \"options\": {\n    \"val_share\""),
+};
 
 /// Splits and writes the split as JSON.
 ///
 /// # Errors
 /// A dataset without pairs or that cannot be read, a target that cannot be written.
 pub fn run(args: &Split, ui: &Ui) -> anyhow::Result<Outcome> {
-    if target::is_occupied(&args.target.out) && !args.target.force {
-        return Err(refuse(
-            format!("`{}` exists", args.target.out.display()),
-            "pass --force to overwrite it, or another --out",
-        ));
-    }
+    let target = args.target.file(&SPLIT)?;
     let footprints = footprints(&args.dataset)?;
     if footprints.is_empty() {
         return Err(refuse(
@@ -27,7 +28,7 @@ pub fn run(args: &Split, ui: &Ui) -> anyhow::Result<Outcome> {
     let options = SplitOptions { val_share: args.val_share, seed: args.seed, cell_m: args.cell_m };
     let split = split(&footprints, &options)?;
     let text = serde_json::to_string_pretty(&split)? + "\n";
-    target::write_file(&args.target.out, args.target.force, text.as_bytes())?;
+    selenograph_files::write(target.path(), &text)?;
     if ui.json {
         ui.data(text.trim_end())?;
     } else {

@@ -3,8 +3,8 @@
 use super::reading::open;
 use crate::args::dem::Hillshade;
 use crate::exit::{Outcome, refuse};
-use crate::target;
 use crate::ui::Ui;
+use selenograph_files::FileKind;
 use selenograph_raster::codec::png;
 use selenograph_raster::dem::DemReader;
 use selenograph_raster::{Raster, gradient, resample};
@@ -17,7 +17,7 @@ pub fn run(args: &Hillshade, ui: &Ui) -> anyhow::Result<Outcome> {
     if args.max_side < 3 {
         return Err(refuse("--max-side must be at least 3", "2048 is the default"));
     }
-    let draft = target::Draft::new(&args.target.out, args.target.force)?;
+    let target = args.target.file(&FileKind::png("dem hillshade"))?;
     let mut reader = open(&args.file, &args.reading)?;
     let info = reader.info();
     let (width, height) = (info.width, info.height);
@@ -36,8 +36,7 @@ pub fn run(args: &Hillshade, ui: &Ui) -> anyhow::Result<Outcome> {
         .hillshade(args.azimuth_deg.to_radians(), args.elevation_deg.to_radians());
     // NaN becomes 0: absent ground is black.
     let picture = shade.map(|cosine| (255.0 * cosine.clamp(0.0, 1.0)).round() as u8);
-    std::fs::write(draft.path(), png::encode_grey8(&picture)?)?;
-    draft.commit()?;
+    selenograph_files::write(target.path(), png::encode_grey8(&picture)?)?;
     ui.note(&format!(
         "{} × {} pixels, {:.1} m each: {}",
         picture.width,

@@ -3,29 +3,28 @@
 use super::reading::options;
 use crate::args::dem::Import;
 use crate::exit::Outcome;
-use crate::target::Draft;
 use crate::ui::Ui;
 use selenograph_terrain::import::{ImportOptions, ImportSource, import};
+use selenograph_terrain::store::TERRAIN;
 
 /// Imports all files as one terrain.
 ///
 /// # Errors
 /// A file that cannot be read, files on different spheres, a target that cannot be written.
 pub fn run(args: &Import, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let draft = args.target.folder(&TERRAIN)?;
     let sources: Vec<ImportSource> = args
         .files
         .iter()
         .map(|path| ImportSource { path: path.clone(), options: options(&args.reading) })
         .collect();
     let bar = ui.bar(0, "rows");
-    let description = import(&sources, draft.path(), &ImportOptions::default(), &mut |progress| {
+    let description = import(&sources, draft, &ImportOptions::default(), &mut |progress| {
         bar.set_length(progress.num_rows as u64);
         bar.set_position(progress.rows_done as u64);
         bar.set_message(format!("{} of {}", progress.layer_idx + 1, progress.num_layers));
     })?;
     bar.finish_and_clear();
-    draft.commit()?;
     if ui.json {
         ui.data_json(&description)?;
         return Ok(Outcome::Done);

@@ -3,8 +3,8 @@
 use super::reading;
 use crate::args::dem::{Reading, Synth};
 use crate::exit::Outcome;
-use crate::target::Draft;
 use crate::ui::Ui;
+use selenograph_files::FileKind;
 use selenograph_geometry::Body;
 use selenograph_raster::dem::{GeoTiffWriter, WriteOptions};
 use selenograph_terrain::Grid;
@@ -19,7 +19,7 @@ const BAND_ROWS: usize = 256;
 /// # Errors
 /// Sizes that make no map, a base that does not cover it, a target that cannot be written.
 pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let target = args.target.file(&FileKind::tiff("dem synth"))?;
     let grid = synth::south_polar_grid(Body::moon(), args.size, args.cell_m)?;
     let defaults = SynthSettings::default();
     let settings = SynthSettings {
@@ -32,7 +32,7 @@ pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
     let relief = synth::Synth::new(grid.clone(), &settings, base)?;
     let map_from_pixel = grid.map_from_grid().pixel_from_grid();
     let mut writer = GeoTiffWriter::create(
-        draft.path(),
+        target.path(),
         grid.cols,
         grid.rows,
         &grid.crs,
@@ -49,7 +49,6 @@ pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     writer.finish()?;
     bar.finish_and_clear();
-    draft.commit()?;
     let side_km = args.size as f64 * args.cell_m / 1000.0;
     ui.note(&format!(
         "{side_km} km round the south pole, {} m cells: {}",

@@ -2,9 +2,12 @@
 //! after the other.
 
 use super::clock::{instant, now_utc};
+use super::data_sheet::{self, SHEETS};
 use super::generate::{inputs, render_all};
 use super::planning::make_plan;
-use super::{data_sheet, dem_import, dem_synth, evaluate, reconstruct};
+use super::reconstruct::{self, RECONSTRUCTION};
+use super::run_record::{NO_OUTCOME, write_record};
+use super::{dem_import, dem_synth, evaluate};
 use crate::args::Target;
 use crate::args::campaign::Demo;
 use crate::args::data::Sheet;
@@ -12,19 +15,23 @@ use crate::args::dem::{Import, Reading, Synth};
 use crate::args::evaluate::Evaluate;
 use crate::args::network::NetworkChoice;
 use crate::args::reconstruct::{Cameras, Known, LearnedChoice, ProductChoice, Reconstruct};
-use crate::exit::Outcome;
-use crate::target::Draft;
+use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
 use anyhow::Context;
-use selenograph_dataset::generate::{Existing, Options, Shard};
+use selenograph_dataset::generate::{DATASET, Options, Shard, take};
 use selenograph_dataset::plan::Campaign;
 use selenograph_dataset::stored::{self, ReadOptions};
+use selenograph_evaluate::run::EVALUATION;
+use selenograph_files::record::{self, RUN_NAME};
+use selenograph_files::{Error, Existing, FolderKind, HeldFolder, is_occupied};
 use selenograph_raster::codec::{Picture as Raw, png};
 use selenograph_reconstruct::pipeline::Method;
 use selenograph_render::Tracer;
 use selenograph_report::{Figure, Page, Picture};
 use selenograph_terrain::Terrain;
-use std::path::{Path, PathBuf};
+use selenograph_terrain::store::TERRAIN;
+use serde::Serialize;
+use std::path::Path;
 
 /// Side and cell of the Moon that is made: 41 km round the pole.
 const SIDE: usize = 4096;
@@ -33,47 +40,78 @@ const CAMPAIGN: &str = include_str!("../demo.toml");
 /// What the pairs are judged with: ours, the truth itself, and a plane as the lower anchor.
 const METHODS: [&str; 3] = ["stereo", "truth", "plane"];
 
-/// Endings of files that name other files.
-const RECORDS: [&str; 4] = ["toml", "json", "jsonl", "html"];
+/// The demo's folder, as one that may be gone on with or replaced by another.
+static DEMO: FolderKind = FolderKind {
+    command: "demo",
+    what: "a demo",
+    is_own: |folder| record::is_of(folder, DEMO.command),
+    names: &[RUN_NAME, "moon.tif", "report.html"],
+    parts: &[
+        ("terrain", &TERRAIN),
+        ("dataset", &DATASET),
+        ("sheets", &SHEETS),
+        ("reconstruction", &RECONSTRUCTION),
+        ("evaluation", &EVALUATION),
+    ],
+};
 
-/// Makes everything below one folder.
+#[derive(Serialize)]
+struct Settings {
+    seed: u64,
+}
+
+/// For the record.
+#[derive(Serialize)]
+struct Made<'a> {
+    skipped: &'a [String],
+}
+
+/// Makes everything below one folder, step by step; a second run goes on where the first stopped.
 ///
 /// # Errors
 /// A target that cannot be written.
 pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
-    let folder = draft.path();
-    std::fs::create_dir(folder)?;
+    let held = args.target.held(&DEMO)?;
+    begin(&held, args)?;
+    let folder = held.path();
     let start = instant();
     let quiet = ui.without_notes();
     let at = |name: &str| folder.join(name);
-    let target = |path: PathBuf| Target { out: path, force: false };
+    let target = |name: &str| Target { out: at(name), force: false };
+    // Each of these appears when it is complete.
+    let is_missing = |name: &str| !at(name).exists();
 
-    ui.note(&format!(
-        "a Moon of {} km in cells of {CELL_M} m, seed {} …",
-        SIDE as f64 * CELL_M / 1000.0,
-        args.seed
-    ));
-    let synth = Synth {
-        size: SIDE,
-        cell_m: CELL_M,
-        seed: args.seed,
-        relief: 1.0,
-        crater_density: None,
-        base: None,
-        target: target(at("moon.tif")),
-    };
-    ui.timed("synthesis", || dem_synth::run(&synth, &quiet))?;
-    let import =
-        Import { files: vec![at("moon.tif")], reading: Reading::default(), target: target(at("terrain")) };
-    ui.timed("import", || dem_import::run(&import, &quiet))?;
-
-    let outcome = make_pairs(folder, args.seed, ui)?;
-
-    let sheet = Sheet { dataset: at("dataset"), pairs: 64, thumbnail_px: 144, target: target(at("sheets")) };
-    ui.timed("sheet", || data_sheet::run(&sheet, &quiet))?;
-    ui.note("terrain from one of them …");
-    ui.timed("reconstruction", || reconstruct_one(folder, args.seed, &quiet))?;
+    if is_missing("moon.tif") {
+        ui.note(&format!(
+            "a Moon of {} km in cells of {CELL_M} m, seed {} …",
+            SIDE as f64 * CELL_M / 1000.0,
+            args.seed
+        ));
+        let synth = Synth {
+            size: SIDE,
+            cell_m: CELL_M,
+            seed: args.seed,
+            relief: 1.0,
+            crater_density: None,
+            base: None,
+            target: target("moon.tif"),
+        };
+        ui.timed("synthesis", || dem_synth::run(&synth, &quiet))?;
+    }
+    if is_missing("terrain") {
+        let import =
+            Import { files: vec![at("moon.tif")], reading: Reading::default(), target: target("terrain") };
+        ui.timed("import", || dem_import::run(&import, &quiet))?;
+    }
+    let skipped = make_pairs(folder, args.seed, ui)?;
+    if is_missing("sheets") {
+        let sheet = Sheet { dataset: at("dataset"), pairs: 64, thumbnail_px: 144, target: target("sheets") };
+        ui.timed("sheet", || data_sheet::run(&sheet, &quiet))?;
+    }
+    if is_missing("reconstruction") {
+        ui.note("terrain from one of them …");
+        ui.timed("reconstruction", || reconstruct_one(folder, args.seed, &quiet))?;
+    }
     ui.note(&format!("all of them by {}, against the truth …", METHODS.join(", ")));
     let evaluation = Evaluate {
         dataset: at("dataset"),
@@ -85,37 +123,53 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         k_convention: None,
         figures: false,
         network: NetworkChoice::default(),
-        target: target(at("evaluation")),
+        target: target("evaluation"),
     };
     ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
-    std::fs::write(at("report.html"), front_page(folder)?)?;
-    name_final_place(folder, [folder, &args.target.out].map(|path| path.display().to_string()).each_ref())?;
-    draft.commit()?;
-    ui.note(&format!(
-        "{:.1} s; open {}",
-        start.elapsed().as_secs_f64(),
-        args.target.out.join("report.html").display()
-    ));
-    Ok(outcome)
+    selenograph_files::write(&at("report.html"), front_page(folder)?)?;
+    write_record(
+        folder,
+        DEMO.command,
+        &[],
+        &Settings { seed: args.seed },
+        Some(&Made { skipped: &skipped }),
+    )?;
+    ui.note(&format!("{:.1} s; open {}", start.elapsed().as_secs_f64(), at("report.html").display()));
+    Ok(if skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(skipped) })
 }
 
-fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
+/// Puts what is begun on record. A demo that is complete is gone on with no more, and one Moon is not made into another.
+fn begin(held: &HeldFolder, args: &Demo) -> anyhow::Result<()> {
+    held.begin()?;
+    if is_occupied(held.path()) {
+        let found = record::read(&held.path().join(RUN_NAME))?;
+        if found.has_outcome {
+            return Err(Error::Exists { path: held.path().to_owned() }.into());
+        }
+        let seed = found.settings.get("seed").and_then(toml::Value::as_integer);
+        if seed.is_none_or(|seed| u64::try_from(seed) != Ok(args.seed)) {
+            return Err(refuse(
+                format!("`{}` was begun with another seed", held.path().display()),
+                "pass the same --seed to go on, --force to begin anew, or another --out",
+            ));
+        }
+    }
+    write_record(held.path(), DEMO.command, &[], &Settings { seed: args.seed }, NO_OUTCOME)?;
+    Ok(())
+}
+
+/// The pairs that could not be made, and why.
+fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Vec<String>> {
     let campaign = Campaign { seed, ..Campaign::from_toml(CAMPAIGN)? };
     let terrain = Terrain::open(&folder.join("terrain"))?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
     ui.note(&format!("{} pairs under {} lights …", campaign.num_pairs(), campaign.lights.len()));
     let plan = make_plan(&campaign, &tracer, ui)?;
-    let options = Options {
-        target: folder.join("dataset"),
-        existing: Existing::Refuse,
-        shard: Shard::default(),
-        started: Some(now_utc()),
-        inputs: inputs(&folder.join("terrain"))?,
-    };
-    let report = render_all(&campaign, &plan, &tracer, &options, ui)?;
-    let skipped: Vec<String> =
-        report.skipped.iter().map(|skip| format!("pair {}: {}", skip.pair_id, skip.reason)).collect();
-    Ok(if skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(skipped) })
+    let shard = Shard::default();
+    let dataset = take(&folder.join("dataset"), Existing::Resume, shard)?;
+    let options = Options { shard, started: Some(now_utc()), inputs: inputs(&folder.join("terrain"))? };
+    let report = render_all(&campaign, &plan, &tracer, &dataset, &options, ui)?;
+    Ok(report.skipped.iter().map(|skip| format!("pair {}: {}", skip.pair_id, skip.reason)).collect())
 }
 
 /// Terrain from the pictures of the first pair under its first light: cameras, the place of A and the distance to B are known, the
@@ -148,23 +202,6 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
     reconstruct::run(&args, ui)
 }
 
-/// Records tell where files are: after the move, not before.
-fn name_final_place(folder: &Path, [draft, place]: [&String; 2]) -> anyhow::Result<()> {
-    let context = |path: &Path| format!("cannot read `{}`", path.display());
-    for entry in std::fs::read_dir(folder).with_context(|| context(folder))? {
-        let path = entry?.path();
-        if path.is_dir() {
-            name_final_place(&path, [draft, place])?;
-        } else if path.extension().is_some_and(|ending| RECORDS.iter().any(|record| ending == *record)) {
-            let text = std::fs::read_to_string(&path).with_context(|| context(&path))?;
-            if text.contains(draft) {
-                std::fs::write(&path, text.replace(draft, place))?;
-            }
-        }
-    }
-    Ok(())
-}
-
 /// One page that leads to everything.
 fn front_page(folder: &Path) -> anyhow::Result<String> {
     let mut page = Page::new("A synthetic Moon, and what two pictures of it tell");
@@ -193,23 +230,4 @@ fn front_page(folder: &Path) -> anyhow::Result<String> {
         "Both views under each light.",
     ));
     Ok(page.finish())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn records_name_the_place_after_the_move() {
-        let dir = tempfile::tempdir().unwrap();
-        std::fs::create_dir(dir.path().join("deeper")).unwrap();
-        let record = dir.path().join("deeper/run.toml");
-        std::fs::write(&record, "[inputs]\n\"out/.demo.partial/a.png\" = \"1f\"\n").unwrap();
-        let picture = dir.path().join("a.png");
-        std::fs::write(&picture, b"\xff out/.demo.partial").unwrap();
-        let [draft, place] = ["out/.demo.partial", "out/demo"].map(str::to_owned);
-        name_final_place(dir.path(), [&draft, &place]).unwrap();
-        assert_eq!(std::fs::read_to_string(&record).unwrap(), "[inputs]\n\"out/demo/a.png\" = \"1f\"\n");
-        assert_eq!(std::fs::read(&picture).unwrap(), b"\xff out/.demo.partial");
-    }
 }

@@ -6,15 +6,15 @@ use super::network::{self, builtin};
 use crate::args::evaluate::{CrossLight, Evaluate};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
-use anyhow::Context;
 use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::pair_metrics::Promise;
-use selenograph_evaluate::run::{self, Existing, Progress, RunOptions, Settings};
+use selenograph_evaluate::run::{self, EVALUATION, Progress, RunOptions, Settings};
 use selenograph_evaluate::summary::{Contents, MethodLines, Results, page, summary_json};
 use selenograph_evaluate::{ItemFigures, plots, worst};
+use selenograph_files::HeldFolder;
 use selenograph_network::Checkpoint;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use std::path::Path;
@@ -57,14 +57,13 @@ pub struct Scores {
 pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     let methods = methods(&args.methods)?;
     let choice = choice(args)?;
+    let folder = if args.network.dry_run { None } else { Some(args.target.held(&EVALUATION)?) };
     let source = ui.timed("look at the dataset", || Source::open(&args.dataset, &choice))?;
     if let Some(told) = &source.pixels.told {
         ui.note(&format!("note: {told}"));
     }
     let checkpoint = open_network(&methods, &source, args, ui)?;
-    if args.network.dry_run {
-        return Ok(None);
-    }
+    let Some(folder) = folder else { return Ok(None) };
     let network = checkpoint.map(|checkpoint| load_network(&checkpoint, args, ui)).transpose()?;
     let settings = Settings {
         lights: choice.lights,
@@ -72,7 +71,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
         network: network.as_ref().map(|network| network.record().clone()),
         ..Settings::default()
     };
-    let (completed, lines) = evaluate(&source, &settings, network.as_ref(), args, ui)?;
+    let (completed, lines) = evaluate(&source, &settings, network.as_ref(), &folder, ui)?;
     let methods: Vec<MethodLines> = methods
         .into_iter()
         .zip(lines)
@@ -102,8 +101,7 @@ fn write_report(
 ) -> anyhow::Result<()> {
     let out = &args.target.out;
     let plots = plots(methods);
-    std::fs::create_dir_all(out.join("plots"))
-        .with_context(|| format!("cannot make the folder `{}`", out.join("plots").display()))?;
+    make_folder(&out.join("plots"))?;
     for plot in &plots {
         write(&out.join("plots").join(format!("{}.svg", plot.id)), &plot.chart.svg())?;
     }
@@ -160,7 +158,11 @@ fn one_per_pair(methods: &[MethodLines], all: &[Method]) -> Vec<Item> {
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write `{}`", path.display()))
+    Ok(selenograph_files::write(path, text)?)
+}
+
+fn make_folder(path: &Path) -> anyhow::Result<()> {
+    Ok(std::fs::create_dir_all(path).map_err(selenograph_files::Error::io("make the folder", path))?)
 }
 
 /// The methods by name, each once.
@@ -222,7 +224,7 @@ fn evaluate(
     source: &Source,
     settings: &Settings,
     network: Option<&Network>,
-    args: &Evaluate,
+    folder: &HeldFolder,
     ui: &Ui,
 ) -> anyhow::Result<(run::Completed, Vec<Vec<run::Line>>)> {
     let bar = ui.bar((source.num_items() * settings.methods.len()) as u64, "items");
@@ -236,8 +238,7 @@ fn evaluate(
         bar.set_position((progress.num_resumed + progress.num_done) as u64);
     };
     let options = RunOptions {
-        out: &args.target.out,
-        existing: if args.target.force { Existing::Replace } else { Existing::Resume },
+        out: folder,
         started: Some(now_utc()),
         progress: &tell,
         clock: &|| start.elapsed().as_secs_f64(),

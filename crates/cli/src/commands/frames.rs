@@ -1,13 +1,12 @@
 //! `frames`: squares of an image sequence, cut at regular intervals, and the pairs that they make.
 
-use super::clock::now_utc;
-use super::run_record::{RunRecord, checksums};
+use super::run_record::write_record;
 use crate::args::frames::Frames;
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
 use anyhow::Context;
 use indicatif::ProgressBar;
+use selenograph_files::{FolderKind, record};
 use selenograph_geometry::{Camera, Distortion, PixelConvention};
 use selenograph_raster::codec::picture::{GreyUnit, PictureFile, read_picture};
 use selenograph_raster::codec::{Picture, png};
@@ -21,6 +20,14 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the pictures below the target.
 const PICTURES: &str = "pictures";
+
+static FRAMES: FolderKind = FolderKind {
+    command: "frames",
+    what: "a folder of frames",
+    is_own: |folder| record::is_of(folder, FRAMES.command),
+    names: &["run.toml", "pairs.csv", "camera.toml", "pictures/#.png"],
+    parts: &[],
+};
 
 /// What was made.
 #[derive(Serialize)]
@@ -49,8 +56,10 @@ struct Work<'a> {
 /// # Errors
 /// A source that cannot be read or is no sequence, frames of which not one pair can be made, a target that cannot be written.
 pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
-    std::fs::create_dir_all(draft.path().join(PICTURES))?;
+    let draft = args.target.folder(&FRAMES)?;
+    let pictures = draft.path().join(PICTURES);
+    std::fs::create_dir(&pictures)
+        .with_context(|| format!("cannot make the folder `{}`", pictures.display()))?;
     let window = Window { width: args.size, height: args.size, left_top: args.at };
     let mut work = Work {
         folder: draft.path(),
@@ -148,7 +157,7 @@ impl Work<'_> {
             Picture::Rgb8(raster) => png::encode_rgb8(raster)?,
         };
         let path = self.picture(frame_idx);
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write `{}`", path.display()))?;
+        selenograph_files::write(&path, bytes)?;
         self.written.insert(frame_idx, source.to_owned());
         Ok(())
     }
@@ -195,24 +204,20 @@ impl Work<'_> {
                 source(b)
             );
         }
-        std::fs::write(self.folder.join("pairs.csv"), table)?;
+        selenograph_files::write(&self.folder.join("pairs.csv"), table)?;
         if let Some(camera) = &self.camera {
-            std::fs::write(self.folder.join("camera.toml"), toml::to_string(&CameraKeys::from(camera))?)?;
+            let text = toml::to_string(&CameraKeys::from(camera))?;
+            selenograph_files::write(&self.folder.join("camera.toml"), text)?;
         }
-        let settings = Settings {
-            source: &args.source,
-            pairing: self.pairing,
-            window: self.window,
-            skipped: &self.skipped,
-        };
-        let inputs = checksums(&args.camera.iter().cloned().collect::<Vec<_>>())?;
-        let record = RunRecord::new("frames", now_utc(), inputs, &settings);
-        std::fs::write(self.folder.join("run.toml"), record.to_toml()?)?;
-        Ok(Summary {
+        let settings = Settings { source: &args.source, pairing: self.pairing, window: self.window };
+        let summary = Summary {
             num_frames: self.written.len(),
             num_pairs: pairs.len(),
             skipped: std::mem::take(&mut self.skipped),
-        })
+        };
+        let read: Vec<PathBuf> = args.camera.iter().cloned().collect();
+        write_record(self.folder, FRAMES.command, &read, &settings, Some(&summary))?;
+        Ok(summary)
     }
 }
 
@@ -222,7 +227,6 @@ struct Settings<'a> {
     source: &'a Path,
     pairing: Pairing,
     window: Window,
-    skipped: &'a [String],
 }
 
 /// A camera in the keys of a camera file.

@@ -3,12 +3,13 @@
 use super::clock::{instant, now_utc};
 use super::planning::{check_carries, make_plan};
 use crate::args::campaign::Generate;
-use crate::exit::{Outcome, refuse};
+use crate::exit::Outcome;
 use crate::settings::Layers;
-use crate::target::is_occupied;
+use crate::target::{SAME_COMMAND, say_complete_is_kept};
 use crate::ui::Ui;
-use selenograph_dataset::generate::{CAMPAIGN_NAME, Existing, Options, Progress, Report, Shard, generate};
+use selenograph_dataset::generate::{Options, Progress, Report, Shard, generate, take};
 use selenograph_dataset::plan::{Campaign, Plan};
+use selenograph_files::{Existing, HeldFolder};
 use selenograph_render::Tracer;
 use selenograph_terrain::{Terrain, store};
 use std::collections::BTreeMap;
@@ -20,7 +21,12 @@ use std::path::Path;
 /// A campaign, plan or terrain that cannot be read, a terrain that carries no pair, a target of another campaign.
 pub fn run(args: &Generate, ui: &Ui) -> anyhow::Result<Outcome> {
     let campaign = Layers::from_choice(&args.choice)?.campaign()?;
-    let existing = existing(&args.target.out, args.target.force)?;
+    let shard = Shard { index: args.shard, count: args.shards };
+    let existing = if args.target.force { Existing::Replace } else { Existing::Resume };
+    let folder = if args.dry_run { None } else { Some(take(&args.target.out, existing, shard)?) };
+    if folder.is_some() {
+        say_complete_is_kept(&args.target.out, SAME_COMMAND);
+    }
     ui.detail(&format!("campaign:\n{}", campaign.to_toml()?));
     let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
@@ -29,17 +35,9 @@ pub fn run(args: &Generate, ui: &Ui) -> anyhow::Result<Outcome> {
         None => make_plan(&campaign, &tracer, ui)?,
     };
     check_carries(&plan)?;
-    if args.dry_run {
-        return dry_run(&campaign, &plan, ui);
-    }
-    let options = Options {
-        target: args.target.out.clone(),
-        existing,
-        shard: Shard { index: args.shard, count: args.shards },
-        started: Some(now_utc()),
-        inputs: inputs(&args.terrain)?,
-    };
-    let report = render_all(&campaign, &plan, &tracer, &options, ui)?;
+    let Some(folder) = folder else { return dry_run(&campaign, &plan, ui) };
+    let options = Options { shard, started: Some(now_utc()), inputs: inputs(&args.terrain)? };
+    let report = render_all(&campaign, &plan, &tracer, &folder, &options, ui)?;
     if ui.json {
         ui.data_json(&report)?;
     }
@@ -57,6 +55,7 @@ pub fn render_all(
     campaign: &Campaign,
     plan: &Plan,
     tracer: &Tracer<'_>,
+    folder: &HeldFolder,
     options: &Options,
     ui: &Ui,
 ) -> anyhow::Result<Report> {
@@ -73,7 +72,8 @@ pub fn render_all(
         let rate = progress.num_rays as f64 / start.elapsed().as_secs_f64().max(1e-3) / 1e6;
         bar.set_message(format!("{rate:.1} Mrays/s"));
     };
-    let report = ui.timed("render and write pairs", || generate(campaign, plan, tracer, options, &tell))?;
+    let report =
+        ui.timed("render and write pairs", || generate(campaign, plan, tracer, folder, options, &tell))?;
     bar.finish_and_clear();
     for warning in &report.warnings {
         ui.note(&format!("note: {warning}"));
@@ -89,20 +89,6 @@ pub fn render_all(
         report.num_rays as f64 / seconds / 1e6
     ));
     Ok(report)
-}
-
-/// A dataset is taken up again; anything else in the target needs --force, and --force begins anew.
-fn existing(target: &Path, force: bool) -> anyhow::Result<Existing> {
-    if force {
-        return Ok(Existing::Replace);
-    }
-    if !is_occupied(target) {
-        return Ok(Existing::Refuse);
-    }
-    if target.join(CAMPAIGN_NAME).is_file() {
-        return Ok(Existing::Resume);
-    }
-    Err(refuse(format!("`{}` exists and is no dataset", target.display()), "pass another --out"))
 }
 
 /// Checksums of the elevation models that the terrain was made from, by name.

@@ -4,11 +4,14 @@ use super::planning::{make_plan, without_place};
 use crate::args::campaign::Plan;
 use crate::exit::Outcome;
 use crate::settings::Layers;
-use crate::target::{self, Draft};
 use crate::ui::Ui;
+use selenograph_files::FileKind;
 use selenograph_render::Tracer;
 use selenograph_terrain::Terrain;
 use serde::Serialize;
+
+const PLAN: FileKind =
+    FileKind { command: "plan", what: "a plan", is_own: |head| head.starts_with(b"pair_id,trajectory,") };
 
 #[derive(Serialize)]
 struct Summary {
@@ -23,13 +26,12 @@ struct Summary {
 /// A campaign or terrain that cannot be read, a terrain that carries no pair, a target that cannot be written.
 pub fn run(args: &Plan, ui: &Ui) -> anyhow::Result<Outcome> {
     let campaign = Layers::from_choice(&args.choice)?.campaign()?;
-    // Finds out before the work whether the target can be written.
-    drop(Draft::new(&args.target.out, args.target.force)?);
+    let target = args.target.file(&PLAN)?;
     ui.detail(&format!("campaign:\n{}", campaign.to_toml()?));
     let terrain = Terrain::open(&args.terrain)?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
     let plan = make_plan(&campaign, &tracer, ui)?;
-    target::write_file(&args.target.out, args.target.force, plan.to_csv()?.as_bytes())?;
+    selenograph_files::write(target.path(), plan.to_csv()?)?;
     let skipped = without_place(&plan);
     let num_placed = plan.rows.len() - skipped.len();
     if ui.json {

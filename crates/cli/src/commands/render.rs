@@ -1,11 +1,12 @@
 //! `render`: one picture with all its truth maps.
 
 use super::albedo::{self, AlbedoRecord};
+use super::run_record::{NO_OUTCOME, write_record};
 use crate::args::render::{CameraPlace, Law, Light, Render, ShadowKind};
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
 use selenograph_dataset::pair::{CameraRecord, ViewMeasures, ViewName};
+use selenograph_files::{FolderKind, record};
 use selenograph_geometry::{Camera, Geodetic, lookat, units};
 use selenograph_raster::codec::exr::{self, Attribute, Channel, ExrImage};
 use selenograph_raster::codec::png;
@@ -18,12 +19,20 @@ use selenograph_render::{
 use selenograph_terrain::Terrain;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Side of a pixel on the nominal sensor, millimetres: only for the record.
 const PIXEL_PITCH_MM: f64 = 0.01;
 /// Slopes from here on have the brightest colour, degrees.
 const STEEP_DEG: f64 = 40.0;
+
+static PICTURE: FolderKind = FolderKind {
+    command: "render",
+    what: "a rendered picture's folder",
+    is_own: |folder| record::is_of(folder, PICTURE.command),
+    names: &["run.toml", "record.json", "picture.png", "depth_z.png", "slope.png", "lit.png", "truth.exr"],
+    parts: &[],
+};
 
 /// What is written beside the maps.
 #[derive(Serialize)]
@@ -58,7 +67,7 @@ struct Picture {
 /// # Errors
 /// No terrain, a camera below ground or off the terrain, settings without sense, a target that cannot be written.
 pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let draft = args.target.folder(&PICTURE)?;
     let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, Interpolation::default());
     let place = ground(&terrain, &args.camera)?;
@@ -102,6 +111,9 @@ pub fn run(args: &Render, ui: &Ui) -> anyhow::Result<Outcome> {
     let picture = Picture { view, truth, light, radiance };
     let record = Record { albedo: albedo_record, ..record(args, &terrain, &picture, &sun, &settings) };
     ui.timed("encode and write", || write(draft.path(), &picture, &record))?;
+    let read: Vec<PathBuf> =
+        [args.terrain.join("terrain.json")].into_iter().chain(args.albedo.albedo.clone()).collect();
+    write_record(draft.path(), PICTURE.command, &read, &record, NO_OUTCOME)?;
     draft.commit()?;
     if ui.json {
         ui.data_json(&record)?;
@@ -219,7 +231,6 @@ fn record(
 }
 
 fn write(folder: &Path, picture: &Picture, record: &Record) -> anyhow::Result<()> {
-    std::fs::create_dir(folder)?;
     let Picture { truth, light, radiance, .. } = picture;
     let (width, height) = (truth.width, truth.height);
     let raster = |data: Vec<f32>| Raster { width, height, data };
@@ -238,7 +249,7 @@ fn write(folder: &Path, picture: &Picture, record: &Record) -> anyhow::Result<()
         ("record.json", (serde_json::to_string_pretty(record)? + "\n").into_bytes()),
     ];
     for (name, bytes) in files {
-        std::fs::write(folder.join(name), bytes)?;
+        selenograph_files::write(&folder.join(name), bytes)?;
     }
     Ok(())
 }

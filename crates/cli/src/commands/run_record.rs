@@ -1,64 +1,32 @@
-//! `run.toml` of commands that read files and write a folder: what was run, on what, with which settings.
+//! `run.toml` of commands that write a folder at once.
 
-use anyhow::Context;
+use super::clock::now_utc;
+use selenograph_files::record::{RUN_NAME, RunRecord};
+use selenograph_files::{Error, checksum, write};
 use serde::Serialize;
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// What is written.
-#[derive(Serialize)]
-pub struct RunRecord<'a, S: Serialize> {
-    program: &'static str,
-    version: &'static str,
-    command: &'static str,
-    started: String,
-    threads: usize,
-    /// Files that were read, with their BLAKE3.
-    inputs: BTreeMap<String, String>,
-    settings: &'a S,
-}
-
-impl<'a, S: Serialize> RunRecord<'a, S> {
-    /// Of a command that began at `started`.
-    pub fn new(
-        command: &'static str,
-        started: String,
-        inputs: BTreeMap<String, String>,
-        settings: &'a S,
-    ) -> Self {
-        Self {
-            program: "selenograph",
-            version: env!("CARGO_PKG_VERSION"),
-            command,
-            started,
-            threads: rayon::current_num_threads(),
-            inputs,
-            settings,
-        }
-    }
-
-    /// The file's text.
-    ///
-    /// # Errors
-    /// If a setting cannot be written as TOML.
-    pub fn to_toml(&self) -> anyhow::Result<String> {
-        Ok(toml::to_string(self)?)
-    }
-}
-
-/// Checksums of files, by the path that they were named with.
+/// Writes the record of a command into its folder, with the checksums of what was read; returns its text.
 ///
 /// # Errors
-/// A file that cannot be read.
-pub fn checksums(files: &[PathBuf]) -> anyhow::Result<BTreeMap<String, String>> {
-    files
-        .iter()
-        .map(|path| {
-            let mut hasher = blake3::Hasher::new();
-            let file =
-                std::fs::File::open(path).with_context(|| format!("cannot read `{}`", path.display()))?;
-            hasher.update_reader(file).with_context(|| format!("cannot read `{}`", path.display()))?;
-            Ok((path.display().to_string(), hasher.finalize().to_hex().to_string()))
-        })
-        .collect()
+/// A file that cannot be read, or one that cannot be written.
+pub fn write_record(
+    folder: &Path,
+    command: &'static str,
+    read: &[PathBuf],
+    settings: &impl Serialize,
+    outcome: Option<&impl Serialize>,
+) -> Result<String, Error> {
+    let now = now_utc();
+    let mut record = RunRecord::new(command, settings);
+    record.started = Some(&now);
+    record.threads = Some(rayon::current_num_threads());
+    record.inputs = checksum::of_files(read)?;
+    record.outcome = outcome;
+    let text = record.to_toml()?;
+    write(&folder.join(RUN_NAME), &text)?;
+    Ok(text)
 }
+
+/// Where a command has nothing to say of what came of it.
+pub const NO_OUTCOME: Option<&()> = None;

@@ -3,8 +3,8 @@
 use super::network::builtin;
 use crate::args::weights::{Convert, Heads, Info, Random, StoreAs};
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
+use selenograph_files::FileKind;
 use selenograph_network::checkpoint::{ConvertOptions, Fit, Format, HeadCounts, Storing};
 use selenograph_network::layout::{Layout, Part};
 use selenograph_network::{Checkpoint, NetworkConfig, Preset, random};
@@ -60,6 +60,11 @@ impl<'a> Report<'a> {
     }
 }
 
+/// safetensors: the length of the header, 64 bits, and the header as JSON.
+const fn checkpoint_of(command: &'static str) -> FileKind {
+    FileKind { command, what: "a safetensors file", is_own: |head| head.get(8) == Some(&b'{') }
+}
+
 /// Tells what a checkpoint holds.
 ///
 /// # Errors
@@ -81,7 +86,7 @@ pub fn info(args: &Info, ui: &Ui) -> anyhow::Result<Outcome> {
 /// A file that is no checkpoint, tensors of other shapes, a target that cannot be written.
 pub fn convert(args: &Convert, ui: &Ui) -> anyhow::Result<Outcome> {
     let checkpoint = open(&args.file, &args.heads)?;
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let target = args.target.file(&checkpoint_of("weights convert"))?;
     let storing = match args.store_as {
         StoreAs::Exact => Storing::Exact,
         StoreAs::F32 => Storing::F32,
@@ -98,9 +103,8 @@ pub fn convert(args: &Convert, ui: &Ui) -> anyhow::Result<Outcome> {
         input_px: args.input_px,
     };
     let bar = ui.bar(checkpoint.layout().num_parameters() as u64, "parameters");
-    checkpoint.convert(draft.path(), &options, &mut |count| bar.inc(count as u64))?;
+    checkpoint.convert(target.path(), &options, &mut |count| bar.inc(count as u64))?;
     bar.finish_and_clear();
-    draft.commit()?;
     for sentence in checkpoint.notes() {
         ui.note(sentence);
     }
@@ -121,11 +125,10 @@ pub fn convert(args: &Convert, ui: &Ui) -> anyhow::Result<Outcome> {
 pub fn random(args: &Random, ui: &Ui) -> anyhow::Result<Outcome> {
     let config = Preset::from_name(&args.preset)?.config();
     let num_parameters = Layout::new(&config)?.num_parameters();
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let target = args.target.file(&checkpoint_of("weights random"))?;
     let bar = ui.bar(num_parameters as u64, "parameters");
-    random::write(&config, args.seed, draft.path(), &mut |count| bar.inc(count as u64))?;
+    random::write(&config, args.seed, target.path(), &mut |count| bar.inc(count as u64))?;
     bar.finish_and_clear();
-    draft.commit()?;
     let grouped = grouped(num_parameters);
     ui.note(&format!("{grouped} parameters, seed {}: {}", args.seed, args.target.out.display()));
     Ok(Outcome::Done)

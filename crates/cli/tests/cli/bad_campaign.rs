@@ -143,7 +143,9 @@ fn targets_of_something_else() {
     let place = with_terrain();
     std::fs::create_dir(place.path("dataset")).unwrap();
     place.write("dataset/diary.txt", "mine");
-    place.run("generate tiny.toml --terrain terrain --out dataset").refused("is no dataset", "--out");
+    place
+        .run("generate tiny.toml --terrain terrain --out dataset")
+        .refused("a folder of something else, not a dataset", "--out");
     let forced = place.run("generate tiny.toml --terrain terrain --out dataset --force");
     assert_eq!(forced.code, 1, "{}", forced.stderr);
     assert_eq!(std::fs::read(place.path("dataset/diary.txt")).unwrap(), b"mine");

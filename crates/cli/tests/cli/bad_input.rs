@@ -96,6 +96,10 @@ fn existing_target_without_force() {
     place.write("shade.png", "mine");
     place.run("dem hillshade hills.tif --out shade.png").refused("`shade.png` exists", "--force");
     assert_eq!(std::fs::read(place.path("shade.png")).unwrap(), b"mine");
+    let forced = place.run("dem hillshade hills.tif --out shade.png --force");
+    forced.refused("`shade.png` is another file, not a PNG picture", "pass another --out");
+    std::fs::remove_file(place.path("shade.png")).unwrap();
+    place.run("dem hillshade hills.tif --out shade.png").ok();
     place.run("dem hillshade hills.tif --out shade.png --force").ok();
     place.run("dem import hills.tif --out terrain").ok();
     place.run("dem import hills.tif --out terrain").refused("`terrain` exists", "--force");

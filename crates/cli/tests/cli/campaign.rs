@@ -60,7 +60,7 @@ fn pairs_are_made_resumed_checked_shown_split_and_exported() {
     let check = place.run("data check dataset --json").ok().json();
     assert_eq!(check["num_pairs"], 3);
     place.run("data sheet dataset --out sheets --thumbnail-px 48").ok();
-    assert_eq!(names(&place.path("sheets")), ["sheet_000.png"]);
+    assert_eq!(names(&place.path("sheets")), ["run.toml", "sheet_000.png"]);
     place.run("data split dataset --out split.json --val-share 0.34").ok();
     let split: serde_json::Value =
         serde_json::from_slice(&std::fs::read(place.path("split.json")).unwrap()).unwrap();
@@ -99,7 +99,7 @@ fn one_picture_with_its_maps() {
     assert!((over - 3000.0).abs() < 1e-6, "{over}");
     assert_eq!(
         names(&place.path("picture")),
-        ["depth_z.png", "lit.png", "picture.png", "record.json", "slope.png", "truth.exr"]
+        ["depth_z.png", "lit.png", "picture.png", "record.json", "run.toml", "slope.png", "truth.exr"]
     );
 }
 

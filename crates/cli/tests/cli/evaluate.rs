@@ -156,7 +156,9 @@ fn what_cannot_be_evaluated_is_refused() {
     place.run("evaluate dataset --method plane --out e --force").ok();
     std::fs::create_dir(place.path("other")).unwrap();
     place.write("other/file", "");
-    place.run("evaluate dataset --method truth --out other --force").refused("holds something else", "--out");
+    place
+        .run("evaluate dataset --method truth --out other --force")
+        .refused("a folder of something else, not an evaluation", "--out");
     for n in 0..3 {
         for view in ["a", "b"] {
             std::fs::remove_file(place.path(&format!("dataset/pairs/000/00000{n}/{view}.depth_z.exr")))

@@ -35,7 +35,7 @@ fn our_own_triplets_are_reproduced_and_shown() {
     assert_eq!(answer.code, 3, "{}", answer.stderr);
     assert!(answer.stderr.contains("skipped: triplets/dynamic: "), "{}", answer.stderr);
     let pictures = names(&place.path("beside"));
-    assert_eq!(pictures.len(), 12);
+    assert_eq!(pictures.len(), 13);
     assert_eq!(pictures[0], "nadir_im_00000.png");
     let table = place.run("data check triplets/nadir --render").ok().stdout;
     assert!(table.contains("nadir/im_00005.jpg") && table.contains("Pearson: median 0.99"), "{table}");

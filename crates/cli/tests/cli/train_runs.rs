@@ -42,17 +42,20 @@ fn last_file(run: &Path, file: &str) -> Vec<u8> {
 /// Goes on with the run and kills it at the moment when `file` of a checkpoint appears, after `steps` further steps. Whether
 /// the checkpoint was then not whole.
 fn killed_while_writing(place: &Place, run: &Path, steps: usize, file: &str) -> bool {
-    let writing = run.join("checkpoints/.writing");
+    let unfinished = || {
+        let entries = std::fs::read_dir(run.join("checkpoints")).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).find(|path| path.to_string_lossy().ends_with(".partial"))
+    };
     // What an earlier kill has left would look like a checkpoint of this sitting.
-    let _ = std::fs::remove_dir_all(&writing);
+    unfinished().into_iter().for_each(|left| std::fs::remove_dir_all(left).unwrap());
     let first = num_lines(run);
     let mut child = spawned(place, "train resume broken");
-    while num_lines(run) < first + steps || !writing.join(file).exists() {
+    while num_lines(run) < first + steps || !unfinished().is_some_and(|writing| writing.join(file).exists()) {
         assert!(child.try_wait().unwrap().is_none(), "the run came to its end");
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    writing.exists()
+    unfinished().is_some()
 }
 
 #[test]
@@ -109,7 +112,9 @@ fn a_run_that_is_stopped_leaves_a_checkpoint_and_goes_on() {
         while num_lines(&place.path("run")) < first + 3 {
             assert!(child.try_wait().unwrap().is_none());
         }
-        place.run("train resume run --quiet").refused("another process is writing `run`", "wait for its end");
+        place
+            .run("train resume run --quiet")
+            .refused("`run` is in use by `selenograph train run` (process ", "wait for its end");
         let kill = format!("kill -{signal} {}", child.id());
         assert!(place.command("sh").args(["-c", &kill]).status().unwrap().success());
         let answer = Answer::of(&child.wait_with_output().unwrap());

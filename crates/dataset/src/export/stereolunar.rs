@@ -14,7 +14,6 @@ use selenograph_raster::codec::npz::{Array, Values};
 use selenograph_raster::codec::{exr, jpeg, npz};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Folder of pairs whose trajectory is not known.
@@ -69,7 +68,7 @@ pub fn write_pair(
         for ((view, name), (depth_z, camera)) in pair.views.iter().zip(&names).zip(&geometry) {
             let picture = jpeg::encode_grey_as_rgb(&view.images[light_idx], options.jpeg_quality)?;
             for (extension, bytes) in [("jpg", &picture), ("exr", depth_z), ("npz", camera)] {
-                write_whole(&folder.join(format!("{name}.{extension}")), bytes)?;
+                selenograph_files::write(&folder.join(format!("{name}.{extension}")), bytes)?;
             }
         }
         stems.push(names);
@@ -101,11 +100,10 @@ fn depth_and_camera(view: &StereoView, options: &ExportOptions) -> Result<(Vec<u
 }
 
 /// Writes one of our datasets as triplets: `out/<trajectory>/im_NNNNN.*` and `out/all.npz`, with `train.npz` and
-/// `val.npz` where a split is given. `out` appears when it is complete; `progress` hears of each pair.
+/// `val.npz` where a split is given. `out` is made if it is not there; `progress` hears of each pair.
 ///
 /// # Errors
-/// [`Error::TargetExists`] if `out` exists, [`Error::Format`] if the dataset has no pair, and those of reading and
-/// writing.
+/// [`Error::Format`] if the dataset has no pair, and those of reading and writing.
 pub fn export_dataset(
     dataset: &Path,
     out: &Path,
@@ -113,9 +111,6 @@ pub fn export_dataset(
     options: &ExportOptions,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<ExportSummary, Error> {
-    if out.exists() {
-        return Err(Error::TargetExists { path: out.to_owned() });
-    }
     let pairs = stored::own(dataset, ReadOptions::default())?;
     if pairs.is_empty() {
         return Err(Error::Format {
@@ -124,23 +119,7 @@ pub fn export_dataset(
             found: "none".to_owned(),
         });
     }
-    let partial = partial_name(out);
-    let written = write_scenes(&pairs, &partial, split, options, &mut progress);
-    let finished = written.and_then(|summary| {
-        std::fs::rename(&partial, out).map_err(Error::io("rename to", out))?;
-        Ok(summary)
-    });
-    if finished.is_err() {
-        // The first error is the one worth telling; what stays behind has a name that says so.
-        let _ = std::fs::remove_dir_all(&partial);
-    }
-    finished
-}
-
-/// The same name with a mark that it is not finished, in the same folder so that renaming is atomic.
-fn partial_name(path: &Path) -> PathBuf {
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_file_name(format!(".{name}.partial"))
+    write_scenes(&pairs, out, split, options, &mut progress)
 }
 
 fn write_scenes(
@@ -178,7 +157,7 @@ fn write_scenes(
         progress(done + 1, pairs.len());
     }
     for (name, table) in &tables {
-        write_whole(&root.join(format!("{name}.npz")), &encode_split(table)?)?;
+        selenograph_files::write(&root.join(format!("{name}.npz")), &encode_split(table)?)?;
         summary.split_files.push(format!("{name}.npz"));
     }
     summary.scenes = next_number.into_keys().collect();
@@ -195,21 +174,6 @@ fn add_rows(table: &mut SplitTable, scene: &str, stems: &[[String; 2]], score: i
         table.images.extend([a.clone(), b.clone()]);
         table.pairs.push([scene_idx as i64, first as i64, first as i64 + 1, score]);
     }
-}
-
-/// Writes beside the target, then renames: whoever looks sees the whole file or none.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let partial = partial_name(path);
-    let write = || {
-        let mut file = std::fs::File::create(&partial)?;
-        file.write_all(bytes)?;
-        file.flush()?;
-        std::fs::rename(&partial, path)
-    };
-    write().map_err(|source| {
-        let _ = std::fs::remove_file(&partial);
-        Error::Io { action: "write", path: path.to_owned(), source }
-    })
 }
 
 #[cfg(test)]
@@ -257,24 +221,15 @@ mod tests {
         let image = grey8(&jpeg::read(&scene.join("im_00000.jpg")).unwrap());
         // 500·(x + y) of 65 535 as 8 bits, less what JPEG loses.
         assert!(image[(16, 16)].abs_diff(62) <= 3);
-        assert!(
-            std::fs::read_dir(root.path())
-                .unwrap()
-                .all(|entry| { !entry.unwrap().file_name().to_string_lossy().ends_with(".partial") })
-        );
-        let again = export_dataset(root.path(), &out, None, &ExportOptions::default(), |_, _| ());
-        assert!(matches!(again, Err(Error::TargetExists { .. })));
     }
 
     #[test]
-    fn a_failed_export_leaves_nothing() {
+    fn what_cannot_be_exported_is_an_error() {
         let root = tempfile::tempdir().unwrap();
         let folder = write_own_pair(root.path(), 0, &oblique_pair(16));
         std::fs::write(folder.join("b.l1.png"), b"no picture").unwrap();
         let out = root.path().join("out");
         assert!(export_dataset(root.path(), &out, None, &ExportOptions::default(), |_, _| ()).is_err());
-        let names: Vec<_> = std::fs::read_dir(root.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
-        assert_eq!(names, ["pairs"]);
         assert!(export_dataset(&out, &out, None, &ExportOptions::default(), |_, _| ()).is_err());
     }
 }

@@ -42,7 +42,9 @@ pub(super) fn encode(
         let text = json_text(camera, Path::new(&name))?;
         files.push((name, text.into_bytes()));
     }
-    let sums = files.iter().map(|(name, bytes)| (name.clone(), blake3::hash(bytes).to_hex().to_string()));
+    let sums = files
+        .iter()
+        .map(|(name, bytes)| (name.clone(), selenograph_files::checksum::of_bytes(bytes).to_string()));
     let record = pair_record(campaign, terrain, row, placed, scene, &exposures, sums.collect());
     let text = json_text(&record, Path::new(PAIR_NAME))?;
     files.push((PAIR_NAME.into(), text.into_bytes()));

@@ -8,24 +8,23 @@ mod encode;
 pub(crate) mod folder;
 pub(crate) mod scene;
 
-pub use folder::{CAMPAIGN_NAME, Existing, Shard};
+pub use folder::{CAMPAIGN_NAME, DATASET, Shard, take};
 
 use crate::Error;
 use crate::plan::{Campaign, PlacedPair, Plan, Row};
 use scene::Scene;
+use selenograph_files::HeldFolder;
+use selenograph_files::checksum;
+use selenograph_files::record::RunRecord;
 use selenograph_render::{InstructionSet, Tracer};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-/// Where and how to write.
+/// What to make, and what to put on record.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// The dataset's folder.
-    pub target: PathBuf,
-    /// What to do if it is not empty.
-    pub existing: Existing,
     /// Which part of the plan to make.
     pub shard: Shard,
     /// When the run began, as the program that called says it; libraries do not read the clock.
@@ -73,7 +72,7 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Renders the pairs of a plan (of this shard, and not yet complete) into a dataset folder.
+/// Renders the pairs of a plan (of this shard, and not yet complete) into a dataset folder that was taken with [`take`].
 ///
 /// `progress` is called from a worker after each pair.
 ///
@@ -83,20 +82,30 @@ pub fn generate(
     campaign: &Campaign,
     plan: &Plan,
     tracer: &Tracer<'_>,
+    folder: &HeldFolder,
     options: &Options,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Report, Error> {
     campaign.check()?;
-    options.shard.check()?;
     check_surface(campaign, tracer)?;
     let (campaign_toml, plan_csv) = (campaign.to_toml()?, plan.to_csv()?);
-    folder::prepare(&options.target, options.existing, options.shard, &campaign_toml, &plan_csv)?;
+    let settings = SettingsRecord {
+        shard: options.shard.index,
+        num_shards: options.shard.count,
+        instruction_set: format!("{:?}", InstructionSet::best()),
+        campaign,
+    };
+    let mut record = RunRecord::new(folder::COMMAND, &settings);
+    record.started = options.started.as_deref();
+    record.inputs = options.inputs.clone();
+    for (name, text) in [(folder::CAMPAIGN_NAME, &campaign_toml), (folder::PLAN_NAME, &plan_csv)] {
+        record.inputs.insert(name.into(), checksum::of_bytes(text.as_bytes()).to_string());
+    }
+    folder::prepare(folder, options.shard, &record, &campaign_toml, &plan_csv)?;
     let rows: Vec<&Row> = plan.rows.iter().filter(|row| options.shard.holds(row.pair_id)).collect();
-    let record = |report: Option<&Report>| run_toml(campaign, &plan_csv, options, report);
-    let run_path = options.target.join(options.shard.run_name());
-    folder::write_file(&run_path, record(None)?.as_bytes())?;
-    let report = run(campaign, &rows, tracer, options, progress)?;
-    folder::write_file(&run_path, record(Some(&report))?.as_bytes())?;
+    let report = run(campaign, &rows, tracer, folder.path(), progress)?;
+    record.outcome = Some(&report);
+    record.write(&folder.path().join(options.shard.run_name()))?;
     Ok(report)
 }
 
@@ -122,7 +131,7 @@ fn run(
     campaign: &Campaign,
     rows: &[&Row],
     tracer: &Tracer<'_>,
-    options: &Options,
+    target: &Path,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Report, Error> {
     let mut report = Report { warnings: warnings(rows), ..Report::default() };
@@ -130,7 +139,7 @@ fn run(
     for row in rows {
         match &row.placed {
             None => report.skipped.push(Skip { pair_id: row.pair_id, reason: refusal_text(row) }),
-            Some(_) if folder::is_complete(&options.target, row.pair_id) => report.num_resumed += 1,
+            Some(_) if folder::is_complete(target, row.pair_id) => report.num_resumed += 1,
             Some(placed) => todo.push((*row, placed)),
         }
     }
@@ -144,7 +153,7 @@ fn run(
     // One rendered pair waits at most: memory stays that of three.
     let (sender, receiver) = sync_channel(1);
     let (rendered, written) = std::thread::scope(|scope| {
-        let writer = scope.spawn(|| write_all(campaign, tracer, options, receiver, start, progress));
+        let writer = scope.spawn(|| write_all(campaign, tracer, target, receiver, start, progress));
         let rendered = render_all(campaign, tracer, &todo, sender);
         (rendered, writer.join())
     });
@@ -188,14 +197,14 @@ fn render_all<'a>(
 fn write_all(
     campaign: &Campaign,
     tracer: &Tracer<'_>,
-    options: &Options,
+    target: &Path,
     receiver: Receiver<Rendered<'_>>,
     mut state: Progress,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Progress, Error> {
     for Rendered { row, placed, scene } in receiver {
         let files = encode::encode(campaign, tracer.terrain(), row, placed, &scene)?;
-        folder::write_pair(&options.target, row.pair_id, &files)?;
+        folder::write_pair(target, row.pair_id, &files)?;
         state.num_done += 1;
         state.num_rays += scene.num_rays;
         progress(state);
@@ -224,46 +233,14 @@ fn warnings(rows: &[&Row]) -> Vec<String> {
     warnings
 }
 
-/// `run.toml`.
+/// The settings of a run, for its record.
 #[derive(Serialize)]
-struct RunRecord<'a> {
-    program: &'static str,
-    version: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    started: Option<&'a str>,
+struct SettingsRecord<'a> {
     shard: u64,
     num_shards: u64,
-    seed: u64,
     instruction_set: String,
-    campaign_blake3: String,
-    plan_blake3: String,
-    inputs: &'a BTreeMap<String, String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    result: Option<&'a Report>,
-    settings: &'a Campaign,
-}
-
-fn run_toml(
-    campaign: &Campaign,
-    plan_csv: &str,
-    options: &Options,
-    report: Option<&Report>,
-) -> Result<String, Error> {
-    let record = RunRecord {
-        program: "selenograph",
-        version: env!("CARGO_PKG_VERSION"),
-        started: options.started.as_deref(),
-        shard: options.shard.index,
-        num_shards: options.shard.count,
-        seed: campaign.seed,
-        instruction_set: format!("{:?}", InstructionSet::best()),
-        campaign_blake3: campaign.checksum()?,
-        plan_blake3: blake3::hash(plan_csv.as_bytes()).to_hex().to_string(),
-        inputs: &options.inputs,
-        result: report,
-        settings: campaign,
-    };
-    toml::to_string(&record).map_err(|error| Error::Campaign { what: error.to_string() })
+    #[serde(flatten)]
+    campaign: &'a Campaign,
 }
 
 #[cfg(test)]

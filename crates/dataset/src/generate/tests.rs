@@ -6,11 +6,12 @@ use crate::pair::{
 use crate::plan::{Planner, rendering};
 use crate::stored::{ReadOptions, StoredPair, own};
 use crate::test_terrain::wide;
+use selenograph_files::{Error as FilesError, Existing};
 use selenograph_raster::codec::{Picture, exr, png};
 use selenograph_raster::statistics::quantiles;
 use selenograph_render::{Interpolation, Viewpoint};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn pairs(root: &Path) -> Vec<StoredPair> {
@@ -36,18 +37,27 @@ fn planned(campaign: &Campaign) -> Plan {
     Planner::new(campaign, &tracer()).unwrap().plan(&|_| ())
 }
 
-fn options(target: &Path, existing: Existing) -> Options {
+fn options() -> Options {
     Options {
-        target: target.into(),
-        existing,
         started: Some("2026-01-02T03:04:05Z".into()),
         inputs: BTreeMap::from([("terrain".into(), "abc".into())]),
         ..Options::default()
     }
 }
 
-fn run_all(campaign: &Campaign, plan: &Plan, options: &Options) -> Result<Report, Error> {
-    generate(campaign, plan, &tracer(), options, &|_| ())
+fn run_all(campaign: &Campaign, plan: &Plan, target: &Path, existing: Existing) -> Result<Report, Error> {
+    run_shard(campaign, plan, target, existing, Shard::default())
+}
+
+fn run_shard(
+    campaign: &Campaign,
+    plan: &Plan,
+    target: &Path,
+    existing: Existing,
+    shard: Shard,
+) -> Result<Report, Error> {
+    let folder = take(target, existing, shard)?;
+    generate(campaign, plan, &tracer(), &folder, &Options { shard, ..options() }, &|_| ())
 }
 
 /// Every file below a folder with its bytes.
@@ -78,9 +88,16 @@ fn a_dataset_has_all_its_files_and_they_agree_with_the_terrain() {
     campaign.output = rendering::OutputSection { correspondence: true, angles: true };
     let plan = planned(&campaign);
     let last = AtomicU64::new(0);
-    let report = generate(&campaign, &plan, &tracer(), &options(target.path(), Existing::Refuse), &|p| {
-        last.store(p.num_done, Ordering::Relaxed);
-    })
+    let report = generate(
+        &campaign,
+        &plan,
+        &tracer(),
+        &take(target.path(), Existing::Refuse, Shard::default()).unwrap(),
+        &options(),
+        &|p| {
+            last.store(p.num_done, Ordering::Relaxed);
+        },
+    )
     .unwrap();
     assert_eq!((report.num_done, report.skipped.len()), (4, 0));
     assert_eq!(last.load(Ordering::Relaxed), 4);
@@ -130,21 +147,19 @@ fn a_killed_run_goes_on_and_shards_make_the_same_pairs() {
     let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let campaign = campaign();
     let plan = planned(&campaign);
-    run_all(&campaign, &plan, &options(whole.path(), Existing::Refuse)).unwrap();
+    run_all(&campaign, &plan, whole.path(), Existing::Refuse).unwrap();
     // Shard by shard into one folder; between them a kill leaves one pair missing and one half written.
     for index in 0..2 {
         let shard = Shard { index, count: 2 };
-        let report =
-            run_all(&campaign, &plan, &Options { shard, ..options(broken.path(), Existing::Refuse) })
-                .unwrap();
+        let report = run_shard(&campaign, &plan, broken.path(), Existing::Resume, shard).unwrap();
         assert_eq!(report.num_done, 2);
     }
     fs::remove_dir_all(pair_folder(broken.path(), 2)).unwrap();
-    let half = broken.path().join("pairs/000/.unfinished-2");
+    let half = broken.path().join("pairs/000/.000002.partial");
     fs::create_dir_all(&half).unwrap();
     fs::write(half.join("a.l0.png"), b"half").unwrap();
     assert_eq!(pairs(broken.path()).len(), 3);
-    let report = run_all(&campaign, &plan, &options(broken.path(), Existing::Resume)).unwrap();
+    let report = run_all(&campaign, &plan, broken.path(), Existing::Resume).unwrap();
     assert_eq!((report.num_done, report.num_resumed), (1, 3));
     assert!(!half.exists());
     let strip = |root: &Path| {
@@ -155,7 +170,7 @@ fn a_killed_run_goes_on_and_shards_make_the_same_pairs() {
     };
     assert!(strip(whole.path()) == strip(broken.path()), "the same bytes, however they were made");
     // Nothing to do is done at once.
-    let report = run_all(&campaign, &plan, &options(broken.path(), Existing::Resume)).unwrap();
+    let report = run_all(&campaign, &plan, broken.path(), Existing::Resume).unwrap();
     assert_eq!((report.num_done, report.num_resumed, report.num_rays), (0, 4, 0));
 }
 
@@ -165,30 +180,43 @@ fn targets_are_refused_before_anything_is_written() {
     let mut campaign = campaign();
     (campaign.oblique.pairs, campaign.dynamic.pairs) = (0, 0);
     let plan = planned(&campaign);
-    let at = |existing| options(target.path(), existing);
-    run_all(&campaign, &plan, &at(Existing::Refuse)).unwrap();
+    let at = target.path();
+    run_all(&campaign, &plan, at, Existing::Refuse).unwrap();
     let before = contents(target.path());
-    assert!(matches!(run_all(&campaign, &plan, &at(Existing::Refuse)), Err(Error::TargetExists { .. })));
+    assert!(matches!(
+        run_all(&campaign, &plan, at, Existing::Refuse),
+        Err(Error::Files(FilesError::Exists { .. }))
+    ));
     let other = Campaign { seed: 1, ..campaign.clone() };
-    let refused = run_all(&other, &planned(&other), &at(Existing::Resume));
+    let refused = run_all(&other, &planned(&other), at, Existing::Resume);
     assert!(matches!(refused, Err(Error::OtherCampaign { what: "campaign", .. })), "{refused:?}");
-    let refused = run_all(&campaign, &planned(&other), &at(Existing::Resume));
+    let refused = run_all(&campaign, &planned(&other), at, Existing::Resume);
     assert!(matches!(refused, Err(Error::OtherCampaign { what: "plan", .. })), "{refused:?}");
-    let shard = Options { shard: Shard { index: 3, count: 3 }, ..at(Existing::Resume) };
-    assert!(matches!(run_all(&campaign, &plan, &shard), Err(Error::Shard { .. })));
+    let refused = run_shard(&campaign, &plan, at, Existing::Resume, Shard { index: 3, count: 3 });
+    assert!(matches!(refused, Err(Error::Shard { .. })));
     assert_eq!(contents(target.path()), before);
     // Force replaces a dataset, and nothing but a dataset.
     fs::write(target.path().join("thesis.tex"), b"years of work").unwrap();
-    assert!(matches!(run_all(&other, &plan, &at(Existing::Replace)), Err(Error::NotADataset { .. })));
+    assert!(matches!(
+        run_all(&other, &plan, at, Existing::Replace),
+        Err(Error::Files(FilesError::Foreign { .. }))
+    ));
     assert_eq!(contents(target.path()).len(), before.len() + 1);
     fs::remove_file(target.path().join("thesis.tex")).unwrap();
-    run_all(&other, &planned(&other), &at(Existing::Replace)).unwrap();
+    run_all(&other, &planned(&other), at, Existing::Replace).unwrap();
     assert_ne!(contents(target.path()), before);
     // A file where the folder should be.
     let file = target.path().join("file");
     fs::write(&file, b"").unwrap();
-    let refused = run_all(&campaign, &plan, &options(&file, Existing::Refuse));
-    assert!(matches!(refused, Err(Error::Io { .. })), "{refused:?}");
+    let refused = run_all(&campaign, &plan, &file, Existing::Refuse);
+    assert!(matches!(refused, Err(Error::Files(FilesError::Exists { .. }))), "{refused:?}");
+    // A campaign that someone wrote there is no dataset.
+    let own = tempfile::tempdir().unwrap();
+    fs::write(own.path().join("campaign.toml"), b"seed = 1").unwrap();
+    for existing in [Existing::Resume, Existing::Replace] {
+        let refused = run_all(&campaign, &plan, own.path(), existing);
+        assert!(matches!(refused, Err(Error::Files(FilesError::OtherKind { .. }))), "{refused:?}");
+    }
 }
 
 #[test]
@@ -197,15 +225,18 @@ fn what_cannot_be_written_is_one_error_and_leaves_whole_pairs() {
     let campaign = campaign();
     let plan = planned(&campaign);
     // A file stands where pair 2 belongs, as a full disk would: the rename fails.
-    fs::create_dir_all(target.path().join("pairs/000")).unwrap();
+    run_all(&campaign, &plan, target.path(), Existing::Refuse).unwrap();
+    for id in [2, 3] {
+        fs::remove_dir_all(pair_folder(target.path(), id)).unwrap();
+    }
     fs::write(pair_folder(target.path(), 2), b"in the way").unwrap();
-    let refused = run_all(&campaign, &plan, &options(target.path(), Existing::Resume));
-    assert!(matches!(refused, Err(Error::Io { action: "write", .. })), "{refused:?}");
+    let refused = run_all(&campaign, &plan, target.path(), Existing::Resume);
+    assert!(matches!(refused, Err(Error::Files(FilesError::Io { .. }))), "{refused:?}");
     let left: Vec<u64> = pairs(target.path()).iter().map(|pair| pair.pair_id).collect();
     assert_eq!(left, [0, 1]);
-    assert!(contents(target.path()).keys().all(|p| !p.to_string_lossy().contains(".unfinished")));
+    assert!(contents(target.path()).keys().all(|p| !p.to_string_lossy().contains(".partial")));
     fs::remove_file(pair_folder(target.path(), 2)).unwrap();
-    assert_eq!(run_all(&campaign, &plan, &options(target.path(), Existing::Resume)).unwrap().num_done, 2);
+    assert_eq!(run_all(&campaign, &plan, target.path(), Existing::Resume).unwrap().num_done, 2);
 }
 
 #[test]
@@ -223,7 +254,7 @@ fn skips_and_dark_suns_are_told() {
     lost.attempts = 50;
     lost.refusals = BTreeMap::from([(crate::plan::Refusal::Sky, 50)]);
     plan.rows.push(lost);
-    let report = run_all(&campaign, &plan, &options(target.path(), Existing::Refuse)).unwrap();
+    let report = run_all(&campaign, &plan, target.path(), Existing::Refuse).unwrap();
     assert_eq!(report.num_done, 1);
     assert_eq!(report.skipped[0].reason, "no place in 50 attempts (sky 50)");
     assert!(report.warnings[0].contains("5.00° below the horizon"), "{:?}", report.warnings);

@@ -7,11 +7,13 @@
 mod triplets;
 
 use crate::Error;
-use crate::generate::folder::{write_file, write_pair};
+use crate::generate::folder::{PAIRS, write_pair};
 use crate::pair::ImportedSuns;
 use crate::photometric::Skipped;
 use crate::stored::{self, ReadOptions, StoredPair, TripletPair};
 use rayon::prelude::*;
+use selenograph_files::FolderKind;
+use selenograph_files::record::{self, RUN_NAME, RunRecord};
 use selenograph_geometry::{Body, PixelConvention};
 use serde::Serialize;
 use std::path::Path;
@@ -102,39 +104,39 @@ pub fn import_dataset(
             found,
         ));
     }
-    write_file(&out.join("run.toml"), run_toml(source, options, &summary)?.as_bytes())?;
+    let settings = SettingsRecord {
+        imported: "stereolunar",
+        source: name_of(source),
+        k_pixel_convention: options.k_convention,
+        suns: options.suns,
+        body: &options.body,
+    };
+    let mut record = RunRecord::new(COMMAND, &settings);
+    record.started = options.started.as_deref();
+    record.outcome = Some(&summary);
+    record.write(&out.join(RUN_NAME))?;
     Ok(summary)
 }
 
-/// `run.toml` of an import.
+/// The folder of an import, as one that may be replaced by another.
+pub static IMPORT: FolderKind = FolderKind {
+    command: COMMAND,
+    what: "an imported dataset",
+    is_own: |folder| record::is_of(folder, COMMAND),
+    names: &[RUN_NAME],
+    parts: &[("pairs", &PAIRS)],
+};
+const COMMAND: &str = "data import";
+
+/// The settings of an import, for its record.
 #[derive(Serialize)]
-struct RunRecord<'a> {
-    program: &'static str,
-    version: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    started: Option<&'a str>,
+struct SettingsRecord<'a> {
     imported: &'static str,
     /// The folder's name; where it lay says nothing on another machine.
     source: String,
     k_pixel_convention: PixelConvention,
     suns: ImportedSuns,
     body: &'a Body,
-    result: &'a ImportSummary,
-}
-
-fn run_toml(source: &Path, options: &ImportOptions, summary: &ImportSummary) -> Result<String, Error> {
-    let record = RunRecord {
-        program: "selenograph",
-        version: env!("CARGO_PKG_VERSION"),
-        started: options.started.as_deref(),
-        imported: "stereolunar",
-        source: name_of(source),
-        k_pixel_convention: options.k_convention,
-        suns: options.suns,
-        body: &options.body,
-        result: summary,
-    };
-    toml::to_string(&record).map_err(|error| Error::Campaign { what: error.to_string() })
 }
 
 fn name_of(path: &Path) -> String {

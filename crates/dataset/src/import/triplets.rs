@@ -125,7 +125,7 @@ fn read_light(
             return Err(Error::unexpected(Path::new("triplet"), "three files", "fewer"));
         };
         for file in [jpg, exr, npz] {
-            sums.push((file.clone(), blake3::hash(&place.read(file)?).to_hex().to_string()));
+            sums.push((file.clone(), selenograph_files::checksum::of_bytes(&place.read(file)?).to_string()));
         }
         let raw = read_geometry(place, [exr, npz], k_convention)?;
         let picture = read_picture(place, jpg, (raw.depth_z.width, raw.depth_z.height))?;
@@ -163,7 +163,9 @@ impl Imported {
                 files.push((image_name(name, light_idx), png::encode_grey8(picture)?));
             }
         }
-        let sums = files.iter().map(|(name, bytes)| (name.clone(), blake3::hash(bytes).to_hex().to_string()));
+        let sums = files
+            .iter()
+            .map(|(name, bytes)| (name.clone(), selenograph_files::checksum::of_bytes(bytes).to_string()));
         let record = self.record(pair_id, options, sums.collect())?;
         files.push((PAIR_NAME.into(), json_text(&record, Path::new(PAIR_NAME))?.into_bytes()));
         Ok(files)

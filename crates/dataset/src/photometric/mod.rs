@@ -310,7 +310,7 @@ fn write_beside(out: &Path, picture: &ScenePicture, rendered: &Raster<f64>, gain
     let scene = part(picture.path.parent().and_then(Path::file_name));
     let path = out.join(format!("{scene}_{}.png", part(picture.path.file_stem())));
     let bytes = png::encode_grey8(&side_by_side(&picture.levels, rendered, gain))?;
-    std::fs::write(&path, bytes).map_err(Error::io("write", &path))
+    Ok(selenograph_files::write(&path, bytes)?)
 }
 
 /// A given picture, its rendering and their difference (doubled, about mid-grey) side by side, for looking.

@@ -79,10 +79,7 @@ impl ItemFigures {
     /// [`Error::Io`] and [`Error::Raster`] if that is refused.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         std::fs::create_dir_all(folder).map_err(Error::io("make", folder))?;
-        let write = |name: &str, bytes: &[u8]| {
-            let path = folder.join(name);
-            std::fs::write(&path, bytes).map_err(Error::io("write", &path))
-        };
+        let write = |name: &str, bytes: &[u8]| selenograph_files::write(&folder.join(name), bytes);
         write("grid.svg", self.grid.as_bytes())?;
         for (method, svg) in &self.profiles {
             write(&format!("profile_{method}.svg"), svg.as_bytes())?;

@@ -107,7 +107,7 @@ impl Appender {
             found: error.to_string(),
         })?;
         text.push(b'\n');
-        self.file.write_all(&text).map_err(Error::io("write", &self.path))
+        Ok(self.file.write_all(&text).map_err(selenograph_files::Error::io("write", &self.path))?)
     }
 }
 

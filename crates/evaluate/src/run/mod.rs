@@ -7,7 +7,7 @@ mod work;
 
 pub use lines::Line;
 pub use options::{Progress, RunOptions};
-pub use record::{Completed, Existing, Settings};
+pub use record::{Completed, EVALUATION, Settings};
 
 use crate::Error;
 use crate::dataset_source::Source;
@@ -43,21 +43,24 @@ pub fn evaluate(
     if options.network.is_none() && settings.methods.iter().any(|method| method.needs_network()) {
         return Err(Error::NoNetwork);
     }
-    record::take_folder(options.out, settings, source, options.existing)?;
+    let out = options.out.path();
+    let is_new = record::begin(options.out, settings, source)?;
     let paths: Vec<PathBuf> =
-        settings.methods.iter().map(|method| metrics_path(options.out, &settings.methods, *method)).collect();
+        settings.methods.iter().map(|method| metrics_path(out, &settings.methods, *method)).collect();
     let found = paths.iter().map(|path| read_mended(path)).collect::<Result<Vec<_>, _>>()?;
-    record::write(options.out, settings, source, options.started.as_deref(), None)?;
+    record::write(out, settings, source, options.started.as_deref(), None)?;
     let done: Vec<Done> = found.iter().map(|lines| lines.iter().map(Line::key).collect()).collect();
     let results = run_pairs(source, settings, options, &paths, &done)?;
     let all_lack_truth = source.broken.is_empty() && results.iter().all(|result| result.lacks_truth);
     let (completed, lines) = gather(source, settings, found, results);
     if lines.iter().all(Vec::is_empty) {
-        // Nothing was measured: the folder goes, so that the next attempt does not find it in its way.
-        let _ = std::fs::remove_dir_all(options.out);
+        if is_new {
+            // Nothing is kept: the next attempt finds nothing in its way.
+            let _ = std::fs::remove_file(out.join(selenograph_files::record::RUN_NAME));
+        }
         return Err(nothing_measured(source, &completed, all_lack_truth));
     }
-    record::write(options.out, settings, source, options.started.as_deref(), Some(&completed))?;
+    record::write(out, settings, source, options.started.as_deref(), Some(&completed))?;
     Ok((completed, lines))
 }
 

@@ -1,15 +1,12 @@
 //! How to run an evaluation, and how far it is.
 
-use super::record::Existing;
 use crate::method::network::Network;
-use std::path::Path;
+use selenograph_files::HeldFolder;
 
 /// How to run.
 pub struct RunOptions<'a> {
-    /// The folder to write.
-    pub out: &'a Path,
-    /// What to do with what is there.
-    pub existing: Existing,
+    /// The folder to write: an [`EVALUATION`](super::EVALUATION).
+    pub out: &'a HeldFolder,
     /// When the run began, for the record.
     pub started: Option<String>,
     /// Told after every pair.

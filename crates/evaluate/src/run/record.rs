@@ -5,12 +5,12 @@ use crate::dataset_source::{LightChoice, Source};
 use crate::method::Method;
 use crate::method::network::NetworkRecord;
 use crate::pair_metrics;
+use selenograph_files::record::{self, RUN_NAME, RunRecord};
+use selenograph_files::{FolderKind, HeldFolder, is_occupied};
 use selenograph_reconstruct::pipeline::Method as Pictures;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The file's name.
-pub const RUN_NAME: &str = "run.toml";
 /// Raised when numbers of an older version must not be mixed with new ones.
 const SCHEMA: u32 = 2;
 
@@ -71,24 +71,6 @@ pub struct Completed {
     pub skipped: Vec<String>,
 }
 
-/// The file.
-#[derive(Serialize)]
-struct RunRecord<'a> {
-    program: &'static str,
-    version: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    started: Option<&'a str>,
-    /// Tells this file from those of other commands.
-    evaluated: String,
-    settings_blake3: String,
-    dataset_blake3: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    half_pixel: Option<&'a str>,
-    settings: &'a Settings,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    result: Option<ResultRecord<'a>>,
-}
-
 /// The result as TOML has it: no nulls.
 #[derive(Serialize)]
 struct ResultRecord<'a> {
@@ -99,23 +81,39 @@ struct ResultRecord<'a> {
     seconds_per_item: std::collections::BTreeMap<&'static str, f64>,
 }
 
-/// What is read back.
-#[derive(Deserialize)]
-struct Found {
-    evaluated: Option<String>,
-    settings_blake3: Option<String>,
-    dataset_blake3: Option<String>,
+/// The settings, and what else decides the numbers and is told for the reader.
+#[derive(Serialize)]
+struct SettingsRecord<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    half_pixel: Option<&'a str>,
+    #[serde(flatten)]
+    settings: &'a Settings,
 }
 
-/// What to do with an output folder that is not empty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Existing {
-    /// Go on with the same evaluation, refuse anything else.
-    #[default]
-    Resume,
-    /// Remove an evaluation that is there and begin anew.
-    Replace,
-}
+/// An evaluation's folder, as one that may be gone on with or replaced by another.
+pub static EVALUATION: FolderKind = FolderKind {
+    command: COMMAND,
+    what: "an evaluation",
+    is_own: |folder| record::is_of(folder, COMMAND),
+    names: &[
+        "run.toml",
+        "summary.json",
+        "report.html",
+        "metrics.jsonl",
+        "*/metrics.jsonl",
+        "tables/*.txt",
+        "tables/*.md",
+        "tables/*.tex",
+        "tables/*.csv",
+        "plots/*.svg",
+        "worst/*/*.svg",
+        "worst/*/*.png",
+        "figures/*/*.svg",
+        "figures/*/*.png",
+    ],
+    parts: &[],
+};
+const COMMAND: &str = "evaluate";
 
 /// Checksum of the settings.
 ///
@@ -128,64 +126,40 @@ pub fn checksum(settings: &Settings) -> Result<String, Error> {
         found: error.to_string(),
     })?;
     let text = format!("selenograph evaluation {} {SCHEMA} {text}", env!("CARGO_PKG_VERSION"));
-    Ok(blake3::hash(text.as_bytes()).to_hex().to_string())
+    Ok(selenograph_files::checksum::of_bytes(text.as_bytes()).to_string())
 }
 
-/// Makes the output folder, or finds out that it may be gone on with.
+/// Empties the folder if it was taken to be replaced, and finds out whether what is in it is of this evaluation; true if it is new.
 ///
 /// # Errors
-/// [`Error::OtherEvaluation`] if it holds anything else, [`Error::Io`] if it cannot be made.
-pub fn take_folder(
-    out: &Path,
-    settings: &Settings,
-    source: &Source,
-    existing: Existing,
-) -> Result<(), Error> {
-    let occupied = match std::fs::read_dir(out) {
-        Ok(mut entries) => entries.next().is_some(),
-        Err(_) => out.symlink_metadata().is_ok(),
-    };
-    if occupied {
-        let found = found_in(out);
-        let other = |found: &str| Error::OtherEvaluation { path: out.to_owned(), found: found.into() };
-        match (existing, found) {
-            (_, None) => return Err(other("something else")),
-            (Existing::Replace, Some(_)) => {
-                std::fs::remove_dir_all(out).map_err(Error::io("empty", out))?;
-            }
-            (Existing::Resume, Some(found)) => {
-                if found.settings_blake3 != Some(checksum(settings)?) {
-                    return Err(other("an evaluation with other methods or settings"));
-                }
-                if found.dataset_blake3.as_deref() != Some(&source.fingerprint) {
-                    return Err(other(
-                        "the evaluation of another dataset (or of this one before it changed)",
-                    ));
-                }
-            }
-        }
+/// [`Error::OtherEvaluation`] if it holds another one, [`Error::Files`] if it cannot be emptied.
+pub(super) fn begin(out: &HeldFolder, settings: &Settings, source: &Source) -> Result<bool, Error> {
+    out.begin()?;
+    if !is_occupied(out.path()) {
+        return Ok(true);
     }
-    std::fs::create_dir_all(out).map_err(Error::io("make", out))
-}
-
-/// The evaluation that a folder holds, if it holds one.
-fn found_in(out: &Path) -> Option<Found> {
-    let text = std::fs::read_to_string(out.join(RUN_NAME)).ok()?;
-    toml::from_str::<Found>(&text).ok().filter(|found| found.evaluated.is_some())
+    let other = |found: &str| Error::OtherEvaluation { path: out.path().to_owned(), found: found.into() };
+    let found = record::read(&out.path().join(RUN_NAME))?;
+    if found.settings_blake3 != Some(checksum(settings)?) {
+        return Err(other("an evaluation with other methods or settings"));
+    }
+    if !found.inputs.values().eq([&source.fingerprint]) {
+        return Err(other("the evaluation of another dataset (or of this one before it changed)"));
+    }
+    Ok(false)
 }
 
 /// Writes `run.toml`, before the work (without a result) and after it.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be written.
-pub fn write(
+/// [`Error::Files`] if it cannot be written.
+pub(super) fn write(
     out: &Path,
     settings: &Settings,
     source: &Source,
     started: Option<&str>,
     completed: Option<&Completed>,
 ) -> Result<(), Error> {
-    let path = out.join(RUN_NAME);
     let result = completed.map(|completed| {
         let times = settings.methods.iter().zip(&completed.seconds_per_item);
         ResultRecord {
@@ -195,28 +169,12 @@ pub fn write(
             seconds_per_item: times.filter_map(|(m, s)| Some((m.as_str(), (*s)?))).collect(),
         }
     });
-    let record = RunRecord {
-        program: "selenograph",
-        version: env!("CARGO_PKG_VERSION"),
-        started,
-        evaluated: source
-            .root
-            .file_name()
-            .map(|name| name.to_string_lossy().into_owned())
-            .unwrap_or_default(),
-        settings_blake3: checksum(settings)?,
-        dataset_blake3: &source.fingerprint,
-        half_pixel: source.pixels.told.as_deref(),
-        settings,
-        result,
-    };
-    let text = toml::to_string(&record).map_err(|error| Error::Format {
-        path: path.clone(),
-        expected: "a record that can be written".into(),
-        found: error.to_string(),
-    })?;
-    // Beside and renamed: a run that is killed here leaves the old record or the new one, never half of one.
-    let partial = out.join(".run.toml.partial");
-    std::fs::write(&partial, text).map_err(Error::io("write", &partial))?;
-    std::fs::rename(&partial, &path).map_err(Error::io("write", &path))
+    let recorded = SettingsRecord { half_pixel: source.pixels.told.as_deref(), settings };
+    let mut record = RunRecord::new(COMMAND, &recorded);
+    record.started = started;
+    record.settings_blake3 = Some(checksum(settings)?);
+    let name = source.root.file_name().map(|name| name.to_string_lossy().into_owned());
+    record.inputs.insert(name.unwrap_or_default(), source.fingerprint.clone());
+    record.outcome = result.as_ref();
+    Ok(record.write(&out.join(RUN_NAME))?)
 }

@@ -71,7 +71,7 @@ impl Results {
                 ("csv", table.csv()),
             ] {
                 let path = folder.join(format!("{}.{extension}", table.spec.id));
-                std::fs::write(&path, text).map_err(Error::io("write", &path))?;
+                selenograph_files::write(&path, text)?;
             }
         }
         Ok(())

@@ -250,11 +250,8 @@ fn tasks(input: &ProductInput) -> Vec<Task> {
     tasks
 }
 
-/// Writes a file whole or not at all.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let part = std::path::PathBuf::from(format!("{}.tmp", path.display()));
-    std::fs::write(&part, bytes).map_err(Error::io("write", path))?;
-    std::fs::rename(&part, path).map_err(Error::io("rename", path))
+    Ok(selenograph_files::write(path, bytes)?)
 }
 
 /// Slope and hillshade.

@@ -22,7 +22,7 @@ impl Scratch {
 
     pub fn push(&mut self, nodes: &[f32]) -> Result<(), Error> {
         let bytes: Vec<u8> = nodes.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.file.write_all(&bytes).map_err(Error::io("write", &self.path))
+        Ok(self.file.write_all(&bytes).map_err(selenograph_files::Error::io("write", &self.path))?)
     }
 
     pub fn read(&mut self, first_row: usize, num_rows: usize) -> Result<Vec<f32>, Error> {

@@ -3,7 +3,8 @@
 use super::Synth;
 use crate::Error;
 use crate::import::{BAND_ROWS, add_plain};
-use crate::store::{Description, Existing, Source, TerrainWriter};
+use crate::store::{Description, Source, TerrainWriter};
+use selenograph_files::FolderDraft;
 use selenograph_raster::dem::{GeoTiffWriter, WriteOptions};
 use std::path::Path;
 
@@ -35,14 +36,13 @@ impl Synth {
     /// Writes the relief as a terrain, without a file between; `progress(rows done, rows to do)`.
     ///
     /// # Errors
-    /// [`Error::TargetExists`], [`Error::Io`].
+    /// [`Error::Files`], [`Error::Io`].
     pub fn write_terrain(
         &self,
-        target: &Path,
-        existing: Existing,
+        folder: FolderDraft,
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Description, Error> {
-        let mut writer = TerrainWriter::create(target, existing, self.grid().crs.body.clone())?;
+        let mut writer = TerrainWriter::create(folder, self.grid().crs.body.clone());
         let source = Source {
             name: "synthetic relief".into(),
             blake3: None,

@@ -13,6 +13,7 @@ use crate::Error;
 use crate::network::PairNetwork;
 use crate::optimizer::{AdamW, AdamWSettings, LossScale, Moments, WeightAverage};
 use burn_tensor::{Device, Tensor, TensorData};
+use selenograph_files::{FileDraft, FolderDraft, clear_drafts};
 use selenograph_network::ElementType;
 use selenograph_network::checkpoint::TensorFile;
 use selenograph_network::safetensors::{Entry, Writer};
@@ -89,19 +90,14 @@ impl Checkpoints {
     /// [`Error::Io`], [`Error::Network`]; the others stay as they are.
     pub(crate) fn save(&self, mut saved: Saved<'_>) -> Result<PathBuf, Error> {
         let target = self.folder.join(format!("{PREFIX}{:08}", saved.state.step));
-        let partial = self.folder.join(".writing");
-        remove(&partial)?;
-        std::fs::create_dir_all(&partial).map_err(Error::io("write", &partial))?;
+        // What a sitting that was killed did not finish.
+        clear_drafts(&self.folder, |_| true)?;
+        let draft = FolderDraft::beside(&target)?;
         let moments = saved.optimizer.moments();
         saved.state.parameter_steps = moments.iter().map(|(name, one)| (name.clone(), one.steps)).collect();
-        let written = write_all(&partial, &saved);
-        if let Err(error) = written {
-            // What was written of it may be what fills the disk.
-            let _ = remove(&partial);
-            return Err(error);
-        }
+        write_all(draft.path(), &saved)?;
         remove(&target)?;
-        std::fs::rename(&partial, &target).map_err(Error::io("write", &target))?;
+        draft.commit()?;
         for old in self.list()?.iter().rev().skip(self.keep) {
             remove(old)?;
         }
@@ -116,13 +112,10 @@ impl Checkpoints {
         let average = checkpoint.join(AVERAGE);
         let source = if average.exists() { average } else { checkpoint.join(WEIGHTS) };
         let target = self.folder.join(name);
-        let partial = self.folder.join(format!(".{name}"));
-        let copied = std::fs::copy(&source, &partial).and_then(|_| std::fs::rename(&partial, &target));
-        copied.map_err(|error| {
-            // As in `save`.
-            let _ = std::fs::remove_file(&partial);
-            Error::io("write", &target)(error)
-        })
+        let mut draft = FileDraft::new(&target)?;
+        let copied = std::fs::File::open(&source).and_then(|mut file| std::io::copy(&mut file, &mut draft));
+        copied.map_err(selenograph_files::Error::io("write", &target))?;
+        Ok(draft.commit()?)
     }
 
     /// The whole ones, oldest first.
@@ -236,12 +229,11 @@ fn write_all(folder: &Path, saved: &Saved<'_>) -> Result<(), Error> {
     });
     write_tensors(&folder.join(OPTIMIZER), &moments.collect::<Vec<_>>(), &BTreeMap::new())?;
     let path = folder.join(STATE);
-    let write = || {
-        let mut file = std::fs::File::create(&path)?;
-        serde_json::to_writer_pretty(&mut file, &saved.state)?;
-        file.sync_all()
-    };
-    write().map_err(Error::io("write", &path))
+    let mut draft = FileDraft::new(&path)?;
+    serde_json::to_writer_pretty(&mut draft, &saved.state)
+        .map_err(|error| selenograph_files::Error::io("write", &path)(error.into()))?;
+    draft.sync()?;
+    Ok(draft.commit()?)
 }
 
 type Named = (String, Vec<usize>, Tensor<1>);

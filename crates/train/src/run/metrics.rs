@@ -77,10 +77,8 @@ impl MetricsFile {
     pub fn open(path: &Path, step: u64) -> Result<Self, Error> {
         let kept = read(path)?.into_iter().filter(|record| record.step() <= step);
         let text: String = kept.filter_map(|record| line(&record).ok()).collect();
-        // Beside it and then in its place: a run may be killed here too.
-        let partial = path.with_extension("jsonl.writing");
-        let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
-        written.map_err(Error::io("write", path))?;
+        // A run may be killed here too.
+        selenograph_files::write(path, text)?;
         let file = OpenOptions::new().append(true).open(path).map_err(Error::io("write", path))?;
         Ok(Self { path: path.to_owned(), file })
     }

@@ -120,7 +120,7 @@ fn a_killed_run_goes_on_to_the_last_bit() {
     carry_out(broken.path(), &settings, &mut first, false, sitting(&mut kill)).unwrap_err();
     assert_eq!(steps(broken.path()).len(), 4);
     // And while a checkpoint was being written, and a line.
-    let half = broken.path().join("checkpoints/.writing");
+    let half = broken.path().join("checkpoints/.step-00000003.partial");
     std::fs::create_dir(&half).unwrap();
     std::fs::write(half.join("weights.safetensors"), [1, 2, 3]).unwrap();
     let lines = std::fs::read_to_string(metrics_path(broken.path())).unwrap();
@@ -147,16 +147,23 @@ fn a_checkpoint_that_cannot_be_written_leaves_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let settings = TrainSettings { average_decay: None, ..settings() };
     let mut network = fresh_network(Frozen::None);
-    let blocked = folder.path().join("checkpoints/.writing");
+    let (place, elsewhere) = (folder.path().join("checkpoints"), folder.path().join("elsewhere"));
     let mut num_lost = 0;
     let mut observer = |event: Event<'_>| {
         match event {
             // A file where the folder would be: stands in for a full disk.
-            Event::Step(record, _) if record.step == 3 => std::fs::write(&blocked, []).unwrap(),
-            Event::Step(record, _) if record.step == 5 => std::fs::remove_file(&blocked).unwrap(),
+            Event::Step(record, _) if record.step == 3 => {
+                std::fs::create_dir(&elsewhere).unwrap();
+                std::fs::rename(&place, elsewhere.join("checkpoints")).unwrap();
+                std::fs::write(&place, []).unwrap();
+            }
+            Event::Step(record, _) if record.step == 5 => {
+                std::fs::remove_file(&place).unwrap();
+                std::fs::rename(elsewhere.join("checkpoints"), &place).unwrap();
+            }
             Event::NotSaved(_) => {
                 num_lost += 1;
-                let kept = checkpoints(folder.path(), &settings).last_state().unwrap();
+                let kept = checkpoints(&elsewhere, &settings).last_state().unwrap();
                 assert_eq!(kept.step, 2);
             }
             _ => (),

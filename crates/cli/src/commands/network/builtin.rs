@@ -1,6 +1,6 @@
 //! The network that comes with the program.
 
-use crate::commands::run_record::checksums;
+use selenograph_files::checksum;
 use selenograph_network::Checkpoint;
 use selenograph_network::checkpoint::HeadCounts;
 use std::path::Path;
@@ -34,8 +34,7 @@ pub fn is(checkpoint: &Checkpoint) -> bool {
 /// A file that cannot be read.
 pub fn checksum(checkpoint: &Checkpoint) -> anyhow::Result<String> {
     if is(checkpoint) {
-        return Ok(blake3::hash(WEIGHTS).to_string());
+        return Ok(checksum::of_bytes(WEIGHTS).to_string());
     }
-    let sums = checksums(&[checkpoint.path().to_owned()])?;
-    Ok(sums.into_values().next().unwrap_or_default())
+    Ok(checksum::of_file(checkpoint.path())?.to_string())
 }

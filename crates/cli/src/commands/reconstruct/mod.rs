@@ -6,15 +6,14 @@ mod network_choice;
 mod pose_file;
 mod report;
 
-use super::clock::{instant, now_utc};
+use super::clock::instant;
 use super::network;
-use super::run_record::{RunRecord, checksums};
+use super::run_record::{NO_OUTCOME, write_record};
 use crate::args::reconstruct::{ProductChoice, Reconstruct};
 use crate::exit::{Outcome, refuse};
-use crate::target::Draft;
 use crate::ui::Ui;
-use anyhow::Context;
 use inputs::Pictures;
+use selenograph_files::{FolderKind, record};
 use selenograph_pose::relative::CannotSay as Why;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use selenograph_reconstruct::grid::{Completed, GridOptions};
@@ -26,6 +25,31 @@ use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
+
+pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
+    command: "reconstruct",
+    what: "a reconstruction",
+    is_own: |folder| record::is_of(folder, RECONSTRUCTION.command),
+    names: &[
+        "run.toml",
+        "report.html",
+        "reconstruction.json",
+        "pose.json",
+        "products.json",
+        "transform.json",
+        "cloud.ply",
+        "cloud.las",
+        "cloud.glb",
+        "pointmaps.npz",
+        "matches.npz",
+        "dem.tif",
+        "dem_sigma.tif",
+        "slope.tif",
+        "hillshade.tif",
+        "hazard.tif",
+    ],
+    parts: &[],
+};
 
 /// Everything that was decided before the work began.
 #[derive(Serialize)]
@@ -58,7 +82,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         network::unused(&args.network)?;
         None
     };
-    let draft = Draft::new(&args.target.out, args.target.force)?;
+    let draft = args.target.folder(&RECONSTRUCTION)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
     let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, pictures.sizes()))?;
     let options = options(args, &pictures);
@@ -84,7 +108,6 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         ui.note(&format!("note: {warning}"));
     }
     let folder = draft.path();
-    std::fs::create_dir(folder).with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
     let made = ui.timed("products", || write_products(folder, &pictures, &found, &product_options))?;
     let pose = pose_file::PoseRecord::new(&found);
     if pose.is_some() {
@@ -103,9 +126,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         known,
         cameras: inputs::CameraSummary::new(&found),
     };
-    let record = RunRecord::new("reconstruct", now_utc(), checksums(&args.files())?, &settings);
-    let run_toml = record.to_toml()?;
-    write(folder, "run.toml", &run_toml)?;
+    let run_toml = write_record(folder, RECONSTRUCTION.command, &args.files(), &settings, NO_OUTCOME)?;
     if !args.products.no_report {
         let page = ui.timed("report", || report::page(&pictures, &found, &made, pose.as_ref(), &run_toml))?;
         write(folder, "report.html", &page)?;
@@ -139,8 +160,8 @@ fn with_network_in_mind(error: selenograph_reconstruct::Error, method: Method) -
     }
 }
 
-fn write(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
-    std::fs::write(folder.join(name), text).with_context(|| format!("cannot write `{name}`"))
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), selenograph_files::Error> {
+    selenograph_files::write(&folder.join(name), text)
 }
 
 fn options(args: &Reconstruct, pictures: &Pictures) -> Options {

@@ -10,7 +10,8 @@ use selenograph_dataset::split::Split;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
-use selenograph_evaluate::run::{self, Existing, Line, RunOptions, Settings};
+use selenograph_evaluate::run::{self, EVALUATION, Line, RunOptions, Settings};
+use selenograph_files::{Existing, HeldFolder, Sharing};
 use selenograph_network::Checkpoint;
 use selenograph_train::network::PairNetwork;
 use selenograph_train::run::checkpoint::write_weights;
@@ -107,9 +108,10 @@ impl Examination {
         let mut lines = Vec::new();
         for (n, source) in self.sources.iter().enumerate() {
             let out = if self.sources.len() == 1 { folder.clone() } else { folder.join(n.to_string()) };
+            // A sitting that was killed may have examined this step before.
+            let out = HeldFolder::take(&out, &EVALUATION, Existing::Replace, Sharing::Alone)?;
             let options = RunOptions {
                 out: &out,
-                existing: Existing::Replace,
                 started: None,
                 progress: &|_| {},
                 clock: &|| 0.0,

@@ -9,12 +9,12 @@ mod stop;
 use super::clock::{instant, since_1970};
 use crate::args::train::{Presets, Resume, Run, TrainCommand};
 use crate::exit::{Outcome, refuse};
-use crate::target::{hold, is_occupied};
+use crate::target::say_complete_is_kept;
 use crate::ui::Ui;
-use anyhow::Context;
 use examination::Examination;
 use progress::Teller;
 use request::Request;
+use selenograph_files::{Existing, FolderKind, HeldFolder, Sharing, is_occupied, record};
 use selenograph_model::device;
 use selenograph_train::Error;
 use selenograph_train::batch::HostBatch;
@@ -29,6 +29,15 @@ use selenograph_train::run::{
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+
+/// A run's folder: gone on with, never replaced.
+static TRAINING: FolderKind = FolderKind {
+    command: request::COMMAND,
+    what: "a run of training",
+    is_own: |folder| record::is_of(folder, request::COMMAND),
+    names: &[],
+    parts: &[],
+};
 
 /// The page of a run.
 const PAGE: &str = "training.html";
@@ -71,7 +80,7 @@ fn start(args: &Run, ui: &Ui) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     request.take_down_inputs()?;
-    carry_out(&request, None, &args.out, ui)
+    carry_out(&request, None, &args.out, Existing::Refuse, ui)
 }
 
 fn resume(args: &Resume, ui: &Ui) -> anyhow::Result<Outcome> {
@@ -82,13 +91,20 @@ fn resume(args: &Resume, ui: &Ui) -> anyhow::Result<Outcome> {
     let saved = checkpoints(&args.run, &request.settings.learning);
     // One that was killed before its first checkpoint begins again.
     let last = if saved.list()?.is_empty() { None } else { Some(saved.last_weights()?) };
-    carry_out(&request, last.as_deref(), &args.run, ui)
+    carry_out(&request, last.as_deref(), &args.run, Existing::Resume, ui)
 }
 
 /// Runs from the weights of the last checkpoint, or from the beginning.
-fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> anyhow::Result<Outcome> {
+fn carry_out(
+    request: &Request,
+    last: Option<&Path>,
+    folder: &Path,
+    existing: Existing,
+    ui: &Ui,
+) -> anyhow::Result<Outcome> {
     let settings = &request.settings;
-    let held_before = folder.exists().then(|| hold(folder)).transpose()?;
+    let _held = HeldFolder::take(folder, &TRAINING, existing, Sharing::Alone)?;
+    say_complete_is_kept(folder, format!("`selenograph train resume {}`", folder.display()));
     let device = device::parse(&request.device)?;
     let mut network = request.network(last.or(request.first_weights.as_deref()), &device, ui)?;
     let teacher = request.teacher(&device, ui)?;
@@ -136,7 +152,6 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     if last.is_none() {
         request.write(folder)?;
     }
-    let _held = held_before.map_or_else(|| hold(folder), Ok)?;
     let learning = &settings.learning;
     let trainer = match last {
         Some(_) => Trainer::resume(folder, learning, context),
@@ -146,7 +161,7 @@ fn carry_out(request: &Request, last: Option<&Path>, folder: &Path, ui: &Ui) -> 
     teller.finish();
     let page = write_page(request, folder, &network, held.first());
     if let Err(error) = &ended
-        && last.is_none()
+        && existing == Existing::Refuse
         && is_worthless(error, folder)
     {
         // It would only be in the way of the next.
@@ -196,7 +211,7 @@ fn write_page(
     let title = format!("Training: {}", folder.display());
     let page = page(&title, &request.to_toml()?, &records, &samples);
     let path = folder.join(PAGE);
-    std::fs::write(&path, page).with_context(|| format!("cannot write `{}`", path.display()))
+    Ok(selenograph_files::write(&path, page)?)
 }
 
 /// Refuses, before time is spent, what would not fit into this machine's memory.

@@ -1,11 +1,12 @@
 //! What was asked for, kept in the run's folder so that it can be gone on with.
 
 use crate::args::train::Run;
-use crate::commands::run_record::checksums;
+use crate::commands::clock::now_utc;
 use crate::exit::refuse;
-use crate::target;
 use crate::ui::Ui;
 use anyhow::Context;
+use selenograph_files::checksum;
+use selenograph_files::record::{self, RUN_NAME, RunRecord};
 use selenograph_model::{Device, Model, SavedActivations};
 use selenograph_network::layout::Layout;
 use selenograph_network::{Checkpoint, NetworkConfig, Preset, random};
@@ -17,8 +18,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The file of a request in a run's folder.
-const FILE: &str = "run.toml";
+/// What a run is put on record as, also when it is gone on with.
+pub const COMMAND: &str = "train run";
 
 /// What was asked for.
 #[derive(Debug, Serialize, Deserialize)]
@@ -40,8 +41,10 @@ pub struct Request {
     pub budget_s: Option<f64>,
     pub device: String,
     /// Files that decide what is learnt, with their BLAKE3.
-    #[serde(default)]
+    #[serde(skip)]
     pub inputs: BTreeMap<String, String>,
+    /// `settings` in the records of older versions.
+    #[serde(rename = "run", alias = "settings")]
     pub settings: RunSettings,
 }
 
@@ -79,12 +82,19 @@ impl Request {
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
         let is_none = |why: String| {
             refuse(
-                format!("`{}` is no run of training: `{FILE}`: {why}", folder.display()),
+                format!("`{}` is no run of training: `{RUN_NAME}`: {why}", folder.display()),
                 "give the folder that `train run --out` made",
             )
         };
-        let text = std::fs::read_to_string(folder.join(FILE)).map_err(|error| is_none(error.to_string()))?;
-        toml::from_str(&text).map_err(|error: toml::de::Error| is_none(error.message().to_owned()))
+        let found = record::read(&folder.join(RUN_NAME)).map_err(|error| is_none(error.to_string()))?;
+        if found.command != COMMAND {
+            return Err(is_none(format!("it is the record of `{}`", found.command)));
+        }
+        let request: Self = found
+            .settings
+            .try_into()
+            .map_err(|error: toml::de::Error| is_none(error.message().to_owned()))?;
+        Ok(Self { inputs: found.inputs, ..request })
     }
 
     /// Into a run's folder.
@@ -92,9 +102,11 @@ impl Request {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder `{}`", folder.display()))?;
-        target::write_file(&folder.join(FILE), true, self.to_toml()?.as_bytes())
+        let now = now_utc();
+        let mut record = RunRecord::<_, ()>::new(COMMAND, self);
+        record.started = Some(&now);
+        record.inputs = self.inputs.clone();
+        Ok(record.write(&folder.join(RUN_NAME))?)
     }
 
     /// Takes down the checksums of what is read.
@@ -102,7 +114,7 @@ impl Request {
     /// # Errors
     /// Files that cannot be read.
     pub fn take_down_inputs(&mut self) -> anyhow::Result<()> {
-        self.inputs = checksums(&self.files(self.first_weights.iter()))?;
+        self.inputs = checksum::of_files(&self.files(self.first_weights.iter()))?;
         Ok(())
     }
 
@@ -111,7 +123,7 @@ impl Request {
     /// # Errors
     /// Files that cannot be read.
     pub fn changed_inputs(&self) -> anyhow::Result<Vec<String>> {
-        let now = checksums(&self.files(None))?;
+        let now = checksum::of_files(&self.files(None))?;
         let is_other = |path: &String, sum: &String| self.inputs.get(path).is_some_and(|then| then != sum);
         Ok(now.into_iter().filter(|(path, sum)| is_other(path, sum)).map(|(path, _)| path).collect())
     }

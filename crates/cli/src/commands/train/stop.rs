@@ -14,6 +14,7 @@ const TOLD_TWICE: i32 = 130;
 /// # Errors
 /// If the system allows no handler.
 pub fn on_request() -> anyhow::Result<Arc<AtomicBool>> {
+    crate::stop::answered_by_the_command();
     let asked = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         // In this order: the first time the flag is not set yet.

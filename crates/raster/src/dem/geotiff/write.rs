@@ -5,8 +5,8 @@ use super::write_keys::geo_tags;
 use super::*;
 use crate::Affine;
 use rayon::prelude::*;
+use selenograph_files::FileDraft;
 use selenograph_geometry::proj_string::Crs;
-use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
@@ -46,11 +46,10 @@ impl Default for WriteOptions {
 
 /// A GeoTIFF of heights in metres (NaN where absent) being written from the top.
 ///
-/// The file gets its name in [`GeoTiffWriter::finish`]; until then it is `<name>.tmp`, removed if writing stops.
+/// The file gets its name in [`GeoTiffWriter::finish`]; nothing is left if writing stops.
 pub struct GeoTiffWriter {
     path: PathBuf,
-    part: Option<PathBuf>,
-    file: BufWriter<File>,
+    file: BufWriter<FileDraft>,
     big: bool,
     width: usize,
     height: usize,
@@ -145,11 +144,9 @@ impl GeoTiffWriter {
         let padded = (width.div_ceil(chunk_width) * chunk_width) as u64
             * (height.div_ceil(chunk_height) * chunk_height) as u64;
         let big = padded * 4 > max_classic_bytes;
-        let part = PathBuf::from(format!("{}.tmp", path.display()));
-        let file = File::create(&part).map_err(Error::io("write", path))?;
+        let file = FileDraft::new(path)?;
         let mut writer = Self {
             path: path.to_owned(),
-            part: Some(part),
             file: BufWriter::with_capacity(1 << 20, file),
             big,
             width,
@@ -178,7 +175,7 @@ impl GeoTiffWriter {
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.file.write_all(bytes).map_err(Error::io("write", &self.path))?;
+        self.file.write_all(bytes).map_err(selenograph_files::Error::io("write", &self.path))?;
         self.position += bytes.len() as u64;
         Ok(())
     }
@@ -269,12 +266,11 @@ impl GeoTiffWriter {
         self.file
             .seek(SeekFrom::Start(place))
             .and_then(|_| self.file.write_all(&directory.to_le_bytes()[..width]))
-            .and_then(|()| self.file.flush())
-            .map_err(Error::io("write", &self.path))?;
-        if let Some(part) = self.part.take() {
-            std::fs::rename(&part, &self.path).map_err(Error::io("rename", &self.path))?;
+            .map_err(selenograph_files::Error::io("write", &self.path))?;
+        match self.file.into_inner() {
+            Ok(draft) => Ok(draft.commit()?),
+            Err(error) => Err(selenograph_files::Error::io("write", &self.path)(error.into_error()).into()),
         }
-        Ok(())
     }
 
     fn tags(&mut self) -> Vec<Tag> {
@@ -342,15 +338,6 @@ impl GeoTiffWriter {
         self.put(&table)?;
         self.put(&number(0))?;
         Ok(place)
-    }
-}
-
-impl Drop for GeoTiffWriter {
-    fn drop(&mut self) {
-        if let Some(part) = &self.part {
-            // Nobody is left to be told if this fails; the name says that the file is not whole.
-            let _ = std::fs::remove_file(part);
-        }
     }
 }
 

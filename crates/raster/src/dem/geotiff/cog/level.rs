@@ -4,7 +4,7 @@ use super::super::chunk::apply_float_predictor;
 use super::{ByteOverviews, CogOptions, CogSamples};
 use crate::Error;
 use rayon::prelude::*;
-use std::fs::File;
+use selenograph_files::FileDraft;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -21,8 +21,8 @@ pub(super) struct Level {
     side: usize,
     samples: CogSamples,
     target: PathBuf,
-    spool_path: PathBuf,
-    spool: BufWriter<File>,
+    /// A draft that never becomes a file.
+    spool: BufWriter<FileDraft>,
     /// Bytes of each tile, without its margins.
     sizes: Vec<u64>,
     /// Rows not yet spooled: less than one row of tiles.
@@ -40,9 +40,9 @@ impl Level {
         height: usize,
         options: &CogOptions,
     ) -> Result<Self, Error> {
-        let spool_path = PathBuf::from(format!("{}.level{idx}.tmp", target.display()));
-        let open = File::options().read(true).write(true).create(true).truncate(true).open(&spool_path);
-        let spool = BufWriter::with_capacity(1 << 18, open.map_err(Error::io("write", target))?);
+        let mut name = target.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".level{idx}"));
+        let spool = BufWriter::with_capacity(1 << 18, FileDraft::new(&target.with_file_name(name))?);
         Ok(Self {
             width,
             height,
@@ -50,7 +50,6 @@ impl Level {
             side: options.tile_side,
             samples: options.samples,
             target: target.to_owned(),
-            spool_path,
             spool,
             sizes: Vec::new(),
             pending: Vec::new(),
@@ -79,7 +78,7 @@ impl Level {
         self.pending.extend_from_slice(row);
         let rows = self.pending.len() / self.row_len();
         if rows == self.side || self.rows_spooled + rows == self.height {
-            self.spool_tiles(rows).map_err(Error::io("write", &self.target))?;
+            self.spool_tiles(rows).map_err(selenograph_files::Error::io("write", &self.target))?;
         }
         Ok(())
     }
@@ -98,8 +97,7 @@ impl Level {
         }
         self.rows_spooled += rows;
         self.pending.clear();
-        // Everything is in the file before another handle reads it.
-        if self.rows_spooled == self.height { self.spool.flush() } else { Ok(()) }
+        Ok(())
     }
 
     /// The tile whose first column is `left`, of the pending rows; filled up with "absent".
@@ -198,22 +196,16 @@ impl Level {
         self.sizes.iter().map(|size| size + 2 * MARGIN_BYTES).sum()
     }
 
-    pub(super) fn copy_into(&self, out: &mut impl Write) -> std::io::Result<()> {
-        let mut file = File::open(&self.spool_path)?;
-        file.seek(SeekFrom::Start(0))?;
-        let mut reader = BufReader::with_capacity(1 << 20, file).take(self.spooled_bytes());
+    pub(super) fn copy_into(&mut self, out: &mut impl Write) -> std::io::Result<()> {
+        let spooled_bytes = self.spooled_bytes();
+        // What is buffered is written first.
+        self.spool.seek(SeekFrom::Start(0))?;
+        let mut reader = BufReader::with_capacity(1 << 20, self.spool.get_mut()).take(spooled_bytes);
         let copied = std::io::copy(&mut reader, out)?;
-        if copied == self.spooled_bytes() {
+        if copied == spooled_bytes {
             Ok(())
         } else {
-            Err(std::io::Error::other(format!("{} was changed", self.spool_path.display())))
+            Err(std::io::Error::other("the spooled tiles were changed"))
         }
-    }
-}
-
-impl Drop for Level {
-    fn drop(&mut self) {
-        // Nobody is left to be told if this fails; the name says what the file is.
-        let _ = std::fs::remove_file(&self.spool_path);
     }
 }

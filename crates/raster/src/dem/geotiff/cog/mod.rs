@@ -17,8 +17,8 @@ use super::*;
 use crate::{Affine, Raster};
 use directory::{GHOST_AREA, directory_bytes, directory_size};
 use level::Level;
+use selenograph_files::FileDraft;
 use selenograph_geometry::proj_string::Crs;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
@@ -212,7 +212,7 @@ impl CogWriter {
         self.finish_within(MAX_CLASSIC_BYTES)
     }
 
-    fn finish_within(self, max_classic_bytes: u64) -> Result<(), Error> {
+    fn finish_within(mut self, max_classic_bytes: u64) -> Result<(), Error> {
         let first = &self.levels[0];
         if first.num_rows_seen() != first.height {
             return Err(Error::SizeMismatch {
@@ -223,13 +223,9 @@ impl CogWriter {
         }
         let data: u64 = self.levels.iter().map(Level::spooled_bytes).sum();
         let big = self.directories_end(false) + data > max_classic_bytes;
-        let part = PathBuf::from(format!("{}.tmp", self.path.display()));
-        let written = self.assemble(&part, big);
-        if written.is_err() {
-            // The first error is the one to tell.
-            let _ = std::fs::remove_file(&part);
-        }
-        written.and_then(|()| std::fs::rename(&part, &self.path)).map_err(Error::io("write", &self.path))
+        let mut draft = FileDraft::new(&self.path)?;
+        self.assemble(&mut draft, big).map_err(selenograph_files::Error::io("write", &self.path))?;
+        Ok(draft.commit()?)
     }
 
     /// Where the samples begin.
@@ -241,8 +237,8 @@ impl CogWriter {
         end
     }
 
-    fn assemble(&self, part: &Path, big: bool) -> std::io::Result<()> {
-        let mut file = BufWriter::with_capacity(1 << 20, File::create(part)?);
+    fn assemble(&mut self, draft: &mut FileDraft, big: bool) -> std::io::Result<()> {
+        let mut file = BufWriter::with_capacity(1 << 20, draft);
         let first = directory::first_place(big);
         file.write_all(&directory::header(big))?;
         file.write_all(GHOST_AREA.as_bytes())?;
@@ -262,7 +258,7 @@ impl CogWriter {
             file.write_all(&directory_bytes(tags, place, next, big))?;
             place = end;
         }
-        for level in self.levels.iter().rev() {
+        for level in self.levels.iter_mut().rev() {
             level.copy_into(&mut file)?;
         }
         file.flush()
