@@ -82,7 +82,7 @@ fn compare(scored: &Value, shipped: &Value, at: &str, count: &mut usize) {
 #[test]
 fn what_is_scored_is_what_ships() {
     let place = with_terrain();
-    let campaign = "generate tiny.toml --terrain terrain --out dataset --set oblique.pairs=0 --set dynamic.pairs=0 \
+    let campaign = "generate tiny.toml --terrain terrain --out dataset --set nadir.pairs=0 --set dynamic.pairs=0 \
                     --set camera.width_px=160 --set camera.height_px=160";
     place.run(campaign).ok();
     place.run("evaluate dataset -m stereo,mast3r-stereo --limit 1 --out scores -q").ok();

@@ -14,7 +14,7 @@ use selenograph_raster::codec::npz::{Array, Values};
 use selenograph_raster::codec::{exr, jpeg, npz};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Folder of pairs whose trajectory is not known.
 const UNTOLD_SCENE: &str = "other";
