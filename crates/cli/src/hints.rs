@@ -91,9 +91,6 @@ fn raster(error: &selenograph_raster::Error) -> Option<String> {
         Error::UnknownFormat { .. } => {
             some("is it the right file? `gdal_translate in out.tif` turns most other formats into GeoTIFF")
         }
-        Error::Unsupported { .. } => {
-            some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here")
-        }
         _ => error.hint().map(str::to_owned),
     }
 }

@@ -115,6 +115,16 @@ pub enum Error {
         /// Number of samples looked at.
         num_samples: u64,
     },
+    /// Samples that cannot be heights on this body.
+    #[error("`{}`: a height of {height_m:e} m cannot be on a sphere of {radius_m} m", path.display())]
+    ImpossibleHeight {
+        /// The file.
+        path: PathBuf,
+        /// The height found.
+        height_m: f32,
+        /// Radius of the sphere.
+        radius_m: f64,
+    },
     /// Rows outside the raster were asked for.
     #[error("rows {first}..{end} were asked for, the raster has {height}")]
     Rows {
@@ -166,7 +176,42 @@ impl Error {
                 Some("put the image beside its label; the case of its name does not matter")
             }
             Self::AllNodata { .. } => Some("check --band and --nodata"),
+            Self::ImpossibleHeight { .. } => Some(
+                "if it is a no-data number that the file does not tell, pass --nodata; else check --height-unit",
+            ),
+            Self::Unsupported { what, found, .. } => Self::unsupported_hint(what, found),
             Self::Truncated { .. } => Some("the download may be incomplete: fetch the file again"),
+            _ => None,
+        }
+    }
+
+    /// What turns an unsupported variant into one that is read.
+    fn unsupported_hint(what: &str, found: &str) -> Option<&'static str> {
+        match what {
+            "compression" | "predictor" => {
+                Some("`gdal_translate -co COMPRESS=DEFLATE in out.tif` writes what is read here")
+            }
+            "sample type" if found.starts_with("complex") => Some(
+                "choose the amplitude, for example: `gdal_translate DERIVED_SUBDATASET:AMPLITUDE:in.tif out.tif`",
+            ),
+            "sample type" => {
+                Some("`gdal_translate -ot Float32 in out.tif` writes samples that are read here")
+            }
+            "photometric interpretation" if found == "palette" => {
+                Some("`gdal_translate -expand rgb in out.tif` looks the palette up")
+            }
+            "size of strips or tiles" => Some("`gdal_translate -co TILED=YES in out.tif` cuts it into tiles"),
+            "height unit" => Some("--height-unit says what the file does not, or not in words known here"),
+            "no-data text" => Some("--nodata gives the number in its place"),
+            "angular unit" | "prime meridian" | "longitude direction" => Some(
+                "`gdalwarp -t_srs \"+proj=longlat +R=1737400\" in out.tif` writes a map that is read here",
+            ),
+            "picture size" => {
+                Some("cut a window out of it: `gdal_translate -srcwin X Y WIDTH HEIGHT in out.tif`")
+            }
+            "encoding" | "object" | "layout" | "display direction of a map" | "axis order of a map" => {
+                Some("`gdal_translate in out.tif` turns most layouts into GeoTIFF")
+            }
             _ => None,
         }
     }

@@ -4,14 +4,19 @@
 //! the codecs.
 #![forbid(unsafe_code)]
 
+mod bounds;
 pub mod codec;
 pub mod colormap;
+mod content;
 pub mod dem;
 pub mod error;
+pub mod file;
 pub mod georef;
 pub mod gradient;
 pub mod resample;
+mod sample;
 pub mod statistics;
+mod tiff;
 
 pub use error::Error;
 pub use georef::Affine;

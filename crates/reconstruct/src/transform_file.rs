@@ -239,8 +239,8 @@ pub fn read_alignment(path: &Path) -> Result<Alignment, Error> {
 }
 
 fn parse<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    serde_json::from_slice(&bytes).map_err(|e| bad(path, "a transform as JSON", e))
+    let text = selenograph_raster::file::read_to_string(path).map_err(Error::io("read", path))?;
+    serde_json::from_str(&text).map_err(|e| bad(path, "a transform as JSON", e))
 }
 
 fn bad(path: &Path, expected: &str, found: impl ToString) -> Error {

@@ -26,7 +26,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let base = base.map(|path| base_surface(&path, &grid)).transpose()?;
     let synth = Synth::new(grid, &SynthSettings::default(), base)?;
     // Uncompressed, as a worst case for the bytes to be read.
-    let options = WriteOptions { layout: GeoTiffLayout::Tiles { side: 256 }, compression: Compression::None };
+    let options = WriteOptions {
+        layout: GeoTiffLayout::Tiles { side: 256 },
+        compression: Compression::None,
+        nodata: None,
+    };
     let start = Instant::now();
     synth.write_geotiff(&tiff, options, &mut |_, _| {})?;
     let dem_bytes = 4 * (size as u64).pow(2);

@@ -129,7 +129,20 @@ struct Closing {
 impl Model {
     fn open(source: &ImportSource) -> Result<Self, Error> {
         let reader = DemReader::open(&source.path, &source.options)?;
-        let (grid, closing) = closed_grid(reader.info())?;
+        let info = reader.info();
+        if info.width < 2 || info.height < 2 {
+            return Err(Error::Grid {
+                expected: "an elevation model of at least 2×2 pixels",
+                found: format!("{}×{} in `{}`", info.width, info.height, source.path.display()),
+            });
+        }
+        let (grid, closing) = closed_grid(info)?;
+        if !grid.cell_m().is_finite() {
+            return Err(Error::Grid {
+                expected: "a map whose middle lies on the body, where the size of its cells is told",
+                found: format!("none in `{}`", source.path.display()),
+            });
+        }
         Ok(Self { path: source.path.clone(), reader, grid, closing })
     }
 
@@ -150,7 +163,8 @@ impl Model {
     /// Node rows of the closed grid.
     fn read_rows(&mut self, first: usize, count: usize, out: &mut Vec<f32>) -> Result<(), Error> {
         if self.closing == Closing::default() {
-            return Ok(self.reader.read_rows(first, count, out)?);
+            self.reader.read_rows(first, count, out)?;
+            return Ok(self.reader.refuse_impossible(out)?);
         }
         let height = self.reader.info().height;
         let above = usize::from(self.closing.row_above);
@@ -168,7 +182,7 @@ impl Model {
             }
         }
         *out = rows;
-        Ok(())
+        Ok(self.reader.refuse_impossible(out)?)
     }
 }
 

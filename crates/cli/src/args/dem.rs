@@ -103,6 +103,9 @@ pub struct Synth {
     /// A coarse real elevation model that gives the long waves
     #[arg(long, value_name = "FILE")]
     pub base: Option<PathBuf>,
+    /// Number written where heights are absent (with a base that has holes) [default: NaN]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
+    pub nodata: Option<f32>,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,

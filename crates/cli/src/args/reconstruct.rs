@@ -125,6 +125,9 @@ pub struct ProductChoice {
     /// Side of the lander's footprint [default: three cells]
     #[arg(long, value_name = "LENGTH")]
     pub footprint_m: Option<f64>,
+    /// Number written where rasters of floats are absent [default: NaN]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
+    pub nodata: Option<f32>,
     /// No report.html
     #[arg(long)]
     pub no_report: bool,
@@ -137,6 +140,7 @@ impl Default for ProductChoice {
             max_slope_deg: MAX_SLOPE_DEG,
             max_roughness_m: None,
             footprint_m: None,
+            nodata: None,
             no_report: false,
         }
     }

@@ -37,7 +37,7 @@ pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
         grid.rows,
         &grid.crs,
         &map_from_pixel,
-        WriteOptions::default(),
+        WriteOptions { nodata: args.nodata, ..WriteOptions::default() },
     )?;
     let bar = ui.bar(grid.rows as u64, "rows");
     let mut band = Vec::new();

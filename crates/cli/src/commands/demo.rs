@@ -94,6 +94,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
             relief: 1.0,
             crater_density: None,
             base: None,
+            nodata: None,
             target: target("moon.tif"),
         };
         ui.timed("synthesis", || dem_synth::run(&synth, &quiet))?;

@@ -288,6 +288,8 @@ fn natural_order(name: &str) -> Vec<(String, u64)> {
 /// Stored levels again, 8 or 16 bits; `None` where a level of 1 is not white. What the file leaves open is black.
 fn levels(file: &PictureFile) -> Option<Picture> {
     let GreyUnit::White(white) = file.unit else { return None };
+    // Integers of more than 16 bits keep their order and their white.
+    let white = white.min(f64::from(u16::MAX));
     let stored = |level: &f32| (f64::from(*level) * white).round();
     // A NaN becomes 0 in the conversion.
     Some(if white <= 255.0 {

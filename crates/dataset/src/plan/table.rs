@@ -176,7 +176,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Io`], or as [`Plan::from_csv`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = selenograph_raster::file::read_to_string(path).map_err(Error::io("read", path))?;
         Self::from_csv(&text, path)
     }
 }

@@ -1,7 +1,7 @@
 //! OpenEXR: one layer of named channels, 32-bit float or half, with text and number attributes.
 
-use super::{bytes_of, cannot_encode, malformed};
-use crate::Error;
+use super::decoded::{bytes_of, cannot_encode, malformed};
+use crate::{Error, bounds};
 use ::exr::prelude as lib;
 use ::exr::prelude::ReadChannels as _;
 use ::exr::prelude::ReadLayers as _;
@@ -128,8 +128,9 @@ pub fn encode(image: &ExrImage) -> Result<Vec<u8>, Error> {
 /// Decodes the first layer of a file.
 ///
 /// # Errors
-/// [`Error::Malformed`] for anything that is not a flat OpenEXR image.
+/// [`Error::Malformed`] for anything that is not a whole, flat OpenEXR image, or claims more than its bytes can hold.
 pub fn decode(bytes: &[u8], origin: &Path) -> Result<ExrImage, Error> {
+    check_sizes(bytes, origin)?;
     let image = lib::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -170,6 +171,28 @@ pub fn decode(bytes: &[u8], origin: &Path) -> Result<ExrImage, Error> {
         channels.push(Channel { name: channel.name.to_string(), stored, samples });
     }
     Ok(ExrImage { width: layer.size.width(), height: layer.size.height(), channels, attributes })
+}
+
+/// Judges the sizes of the header before the library takes memory for them.
+fn check_sizes(bytes: &[u8], origin: &Path) -> Result<(), Error> {
+    let meta = ::exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|e| malformed(FORMAT, origin, e))?;
+    let length = bytes.len() as u64;
+    for header in &meta.headers {
+        let pixel = header.channels.bytes_per_pixel.max(header.channels.list.len() * size_of::<f32>()) as u64;
+        let sides = [header.layer_size.width() as u64, header.layer_size.height() as u64];
+        bounds::check(origin, "data window", bounds::product(&[sides[0], sides[1], pixel]), length)?;
+        // Each chunk has an offset and a head of its own.
+        if bounds::product(&[header.chunk_count as u64, 16]).is_none_or(|least| least > length) {
+            let found = format!("{} chunks in {length} bytes", header.chunk_count);
+            return Err(malformed(FORMAT, origin, found));
+        }
+        if let ::exr::meta::BlockDescription::Tiles(tiles) = &header.blocks {
+            let tile = [tiles.tile_size.width() as u64, tiles.tile_size.height() as u64];
+            bounds::check(origin, "tile", bounds::product(&[tile[0], tile[1], pixel]), length)?;
+        }
+    }
+    Ok(())
 }
 
 /// Reads a file.
@@ -251,6 +274,20 @@ mod tests {
         let depth_z = back.channel("depth_z").unwrap();
         assert_eq!(depth_z.stored, SampleType::Half);
         assert_eq!(depth_z.samples[1], 1236.0);
+    }
+
+    /// The data window stands in the header as four whole numbers behind its name and type.
+    #[test]
+    fn a_window_larger_than_the_file_is_refused_before_memory_is_taken() {
+        let bytes = encode(&sample()).unwrap();
+        let name = b"dataWindow\0box2i\0\x10\0\0\0";
+        let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len();
+        for (right, lower) in [((1 << 28) - 1, 4), (6, (1 << 28) - 1), (i32::MAX / 2 - 1, i32::MAX / 2 - 1)] {
+            let mut forged = bytes.clone();
+            forged[at + 8..at + 12].copy_from_slice(&right.to_le_bytes());
+            forged[at + 12..at + 16].copy_from_slice(&lower.to_le_bytes());
+            assert!(matches!(decode(&forged, Path::new("memory")), Err(Error::Malformed { .. })));
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! NPZ: named numpy arrays in a ZIP archive, stored without compression as `numpy.savez` does.
 
-use super::{bytes_of, cannot_encode, malformed};
+use super::decoded::{bytes_of, cannot_encode, malformed};
 use crate::Error;
 use npyz::WriterBuilder as _;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name};
@@ -14,6 +14,10 @@ const FORMAT: &str = "NPZ";
 
 /// Larger arrays are refused: no file of this kind comes near, and a forged size must not exhaust the memory.
 const MAX_ARRAY_BYTES: u64 = 1 << 30;
+
+/// What an archive may hold however short it is, and how much more than its length beyond: real arrays do not shrink further.
+const ALWAYS_BYTES: u64 = 64 << 20;
+const MAX_EXPANSION: u64 = 64;
 
 /// An array's elements. Integers of every width are read as [`Values::I64`], except bytes.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,11 +143,18 @@ pub fn decode(bytes: &[u8], origin: &Path) -> Result<BTreeMap<String, Array>, Er
     let mut archive = NpzArchive::new(Cursor::new(bytes)).map_err(|e| bad(e.to_string()))?;
     let zip = archive.zip_archive();
     let mut arrays = BTreeMap::new();
+    let mut left = (bytes.len() as u64).saturating_mul(MAX_EXPANSION).max(ALWAYS_BYTES);
     for idx in 0..zip.len() {
         let entry = zip.by_index(idx).map_err(|e| bad(e.to_string()))?;
         let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else { continue };
         let mut content = Vec::new();
-        entry.take(MAX_ARRAY_BYTES).read_to_end(&mut content).map_err(|e| bad(format!("`{name}`: {e}")))?;
+        let most = MAX_ARRAY_BYTES.min(left);
+        entry.take(most + 1).read_to_end(&mut content).map_err(|e| bad(format!("`{name}`: {e}")))?;
+        if content.len() as u64 > most {
+            let length = bytes.len();
+            return Err(bad(format!("array `{name}` of more than {most} bytes in an archive of {length}")));
+        }
+        left -= content.len() as u64;
         let array = read_array(&content).map_err(|what| bad(format!("array `{name}`: {what}")))?;
         arrays.insert(name, array);
     }
@@ -275,6 +286,38 @@ mod tests {
         let expected: Vec<i64> =
             (0..12).map(|n| i64::from(100 * (n / 6) + 10 * (n / 2 % 3) + n % 2)).collect();
         assert_eq!(rows, expected);
+    }
+
+    #[test]
+    fn an_archive_that_unfolds_to_many_times_its_size_is_refused() {
+        let mut writer = NpzWriter::new(Cursor::new(Vec::new()));
+        let options = FileOptions::default().compression_method(CompressionMethod::Deflated);
+        let type_str = "|u1".parse().unwrap();
+        let side = ALWAYS_BYTES + 1;
+        let mut out = writer
+            .array::<u8>("a", options)
+            .unwrap()
+            .dtype(DType::Plain(type_str))
+            .shape(&[side])
+            .begin_nd()
+            .unwrap();
+        for _ in 0..side {
+            out.push(&0u8).unwrap();
+        }
+        out.finish().unwrap();
+        let bytes = writer.zip_writer().finish().unwrap().into_inner();
+        assert!(bytes.len() < 1 << 20);
+        let error = decode(&bytes, Path::new("memory")).unwrap_err().to_string();
+        assert!(error.contains("`a` of more than"), "{error}");
+    }
+
+    #[test]
+    fn a_changed_byte_is_found_by_its_checksum() {
+        let bytes = encode(&sample()).unwrap();
+        let at = bytes.windows(4).position(|part| part == [0, 1, 255, b'P']).unwrap();
+        let mut damaged = bytes;
+        damaged[at] ^= 1;
+        assert!(decode(&damaged, Path::new("memory")).is_err());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! PGM: grey pictures, plain (`P2`) and binary (`P5`), 8 or 16 bits.
 
-use super::{Picture, bytes_of, malformed};
+use super::decoded::{Picture, bytes_of, malformed};
 use crate::{Error, Raster};
 use std::path::Path;
 
@@ -18,7 +18,7 @@ pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
 ///
 /// # Errors
 /// As [`decode`].
-pub fn decode_with_white(bytes: &[u8], origin: &Path) -> Result<(Picture, u16), Error> {
+pub(crate) fn decode_with_white(bytes: &[u8], origin: &Path) -> Result<(Picture, u16), Error> {
     let bad = |what: &str| malformed(FORMAT, origin, what);
     let plain = match bytes.get(..2) {
         Some(b"P2") => true,

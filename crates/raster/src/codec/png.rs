@@ -1,6 +1,6 @@
 //! PNG: 8 and 16-bit grey, 8-bit colour.
 
-use super::{Picture, bytes_of, cannot_encode, malformed};
+use super::decoded::{Picture, bytes_of, cannot_encode, malformed};
 use crate::{Error, Raster};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageEncoder as _, ImageFormat};
@@ -50,11 +50,43 @@ fn encode(bytes: &[u8], width: usize, height: usize, color: ExtendedColorType) -
 /// Decodes; palettes become colour and an alpha channel is dropped.
 ///
 /// # Errors
-/// [`Error::Malformed`] if the bytes are no PNG or hold 16-bit colour.
+/// [`Error::Malformed`] if the bytes are no whole PNG or hold 16-bit colour.
 pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
+    check_whole(bytes, origin)?;
     let image = image::load_from_memory_with_format(bytes, ImageFormat::Png)
         .map_err(|e| malformed(FORMAT, origin, e))?;
     picture(image).ok_or_else(|| malformed(FORMAT, origin, "16-bit colour is not supported"))
+}
+
+/// Makes sure that every chunk is there with its checksum, up to the last: the decoder stops where it has all samples.
+pub(super) fn check_whole(bytes: &[u8], origin: &Path) -> Result<(), Error> {
+    let bad = |found: &str| malformed(FORMAT, origin, found);
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    loop {
+        let Some((head, body)) = rest.split_at_checked(8) else {
+            return Err(bad("the end of the file before IEND"));
+        };
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let kind = &head[4..];
+        let Some((data, after)) = body.split_at_checked(length.saturating_add(4)) else {
+            return Err(bad("the end of the file inside a chunk"));
+        };
+        let (data, sum) = data.split_at(length);
+        let mut crc = flate2::Crc::new();
+        crc.update(kind);
+        crc.update(data);
+        // Bit 5 of a name's first letter marks chunks that a picture can do without.
+        if crc.sum().to_be_bytes() != sum && kind[0] & 32 == 0 {
+            return Err(bad(&format!(
+                "a chunk {} whose checksum does not fit",
+                String::from_utf8_lossy(kind)
+            )));
+        }
+        if kind == b"IEND" {
+            return Ok(());
+        }
+        rest = after;
+    }
 }
 
 /// Reads a file.
@@ -103,8 +135,13 @@ mod tests {
     fn empty_rasters_and_broken_bytes_are_errors() {
         assert!(encode_grey8(&Raster { width: 0, height: 4, data: vec![] }).is_err());
         let bytes = encode_grey8(&Raster { width: 9, height: 9, data: vec![7; 81] }).unwrap();
-        for end in 0..bytes.len() - 12 {
+        for end in 0..bytes.len() {
             assert!(decode(&bytes[..end], Path::new("memory")).is_err(), "truncated at {end}");
+        }
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            assert!(decode(&damaged, Path::new("memory")).is_err(), "changed at {at}");
         }
     }
 }

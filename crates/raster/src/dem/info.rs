@@ -1,6 +1,6 @@
 //! What is known about an elevation model before its samples are read, and how to read it otherwise than it says.
 
-use crate::dem::sample::{ByteOrder, SampleType};
+use crate::sample::{ByteOrder, SampleType};
 use crate::{Affine, Error};
 use selenograph_geometry::proj_string::{self, Crs};
 use selenograph_geometry::{Body, Projection};

@@ -5,41 +5,23 @@
 
 pub mod geotiff;
 pub mod info;
+mod opened;
 pub(crate) mod pds3;
 pub(crate) mod pds4;
 pub(crate) mod raw;
-pub mod sample;
 
+pub use crate::sample::{ByteOrder, SampleType};
 pub use geotiff::cog;
 pub use geotiff::{GeoTiffLayout, GeoTiffWriter, WriteOptions};
 pub use info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs};
-pub use sample::{ByteOrder, SampleType};
 
+use crate::content::{Content, content_of};
+use crate::file::label_beside;
 use crate::{Error, Raster};
-use geotiff::TiffRows;
-use raw::RawRows;
-use sample::HeightLaw;
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-/// Bytes that tell the format of a file.
-const SNIFF_BYTES: u64 = 4096;
+use opened::{Opened, RowSource};
+use std::path::Path;
 
 const FORMATS: &str = "GeoTIFF, a PDS3 label or image, or a PDS4 label";
-
-/// Where rows come from.
-enum RowSource {
-    Tiff(TiffRows),
-    Raw(RawRows),
-}
-
-/// What opening a file of any format gives.
-struct Opened {
-    info: DemInfo,
-    law: HeightLaw,
-    rows: RowSource,
-}
 
 /// An open elevation model.
 ///
@@ -58,7 +40,25 @@ pub struct DemReader {
     /// Rows seen so far without a gap from the top, and valid samples among them.
     next_row: usize,
     num_valid: u64,
+    /// Lowest and highest among them.
+    range: [f32; 2],
 }
+
+/// Heights larger than this share of the radius are none.
+const IMPOSSIBLE_SHARE: f64 = 0.5;
+
+/// Numbers that mean "absent" in many files that do not say so.
+const COMMON_NODATA: [f64; 9] = [
+    -32_768.0,
+    -32_767.0,
+    32_767.0,
+    65_535.0,
+    -9999.0,
+    -99_999.0,
+    -999_999.0,
+    -2_147_483_648.0,
+    4_294_967_295.0,
+];
 
 impl DemReader {
     /// Opens a `.tif`, `.lbl`, `.img` or `.xml` by its content; an image without a label in itself finds the label
@@ -69,17 +69,87 @@ impl DemReader {
     /// [`Error::MissingFile`], [`Error::NoGeoreference`], [`Error::UnknownProjection`],
     /// [`Error::CoordinateSystem`], [`Error::Band`], [`Error::Io`].
     pub fn open(path: &Path, options: &OpenOptions) -> Result<Self, Error> {
-        let opened = match sniff(path)? {
+        let mut content = content_of(path)?;
+        let label = if content.is_raw() { label_beside(path) } else { None };
+        if let Some(label) = &label {
+            content = content_of(label)?;
+        }
+        let path = label.as_deref().unwrap_or(path);
+        let opened = match content {
             Content::Tiff => geotiff::open(path, options),
             Content::Pds3 => pds3::open(path, options),
             Content::Xml => pds4::open(path, options),
-            Content::Other(found) => match label_beside(path) {
-                Some(label) if matches!(sniff(&label)?, Content::Xml) => pds4::open(&label, options),
-                Some(label) => pds3::open(&label, options),
-                None => Err(Error::UnknownFormat { path: path.to_owned(), expected: FORMATS, found }),
-            },
+            other => {
+                let (path, found) = (path.to_owned(), other.name());
+                Err(Error::UnknownFormat { path, expected: FORMATS, found })
+            }
         }?;
-        Ok(Self { opened, next_row: 0, num_valid: 0 })
+        let mut reader =
+            Self { opened, next_row: 0, num_valid: 0, range: [f32::INFINITY, f32::NEG_INFINITY] };
+        reader.bring_radii_down()?;
+        Ok(reader)
+    }
+
+    /// Looks whether samples are distances from the body's centre (as ISIS writes them): those of the first of a few rows
+    /// that has any. Then the sphere's radius is taken off, and a note says so.
+    fn bring_radii_down(&mut self) -> Result<(), Error> {
+        let Opened { info, law, rows } = &mut self.opened;
+        let radius_m = info.crs.body.radius_m;
+        let mut row = vec![f32::NAN; info.width];
+        for quarter in [2, 1, 3, 0, 4] {
+            rows.read((info.height - 1) * quarter / 4, law, &mut row)?;
+            let shares = row.iter().filter(|h| !h.is_nan()).map(|h| f64::from(*h) / radius_m);
+            let radii = shares.clone().filter(|share| (share - 1.0).abs() < IMPOSSIBLE_SHARE).count();
+            let valid = shares.count();
+            if valid == 0 {
+                continue;
+            }
+            // Not all need be: a no-data number that the file does not tell may be among them.
+            if 2 * radii > valid {
+                *law = law.clone().of_radii(radius_m);
+                if let RowSource::Tiff(band) = rows {
+                    band.forget();
+                }
+                info.notes.push(format!("samples are radii: the sphere's {radius_m} m are taken off"));
+            }
+            break;
+        }
+        Ok(())
+    }
+
+    /// Refuses heights that cannot be: a no-data number that the file does not tell, or another unit.
+    ///
+    /// # Errors
+    /// [`Error::ImpossibleHeight`].
+    pub fn refuse_impossible(&self, heights: &[f32]) -> Result<(), Error> {
+        let radius_m = self.opened.info.crs.body.radius_m;
+        match heights.iter().find(|h| f64::from(h.abs()) > IMPOSSIBLE_SHARE * radius_m) {
+            Some(&height_m) => {
+                Err(Error::ImpossibleHeight { path: self.opened.info.data_path.clone(), height_m, radius_m })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Notes down what looks like no-data that the file does not tell.
+    fn note_doubts(&mut self) {
+        let Opened { info, law, .. } = &mut self.opened;
+        let [low, high] = self.range;
+        let common = COMMON_NODATA.iter().filter(|stored| !info.nodata.contains(stored));
+        let told = |end: f32| {
+            let impossible = f64::from(end.abs()) > IMPOSSIBLE_SHARE * info.crs.body.radius_m;
+            let common = common.clone().any(|stored| law.height(*stored) == end);
+            (impossible || common).then(|| {
+                let stored = law.stored(end);
+                let stored = match info.sample_type {
+                    SampleType::F32 => format!("{:?}", stored as f32),
+                    _ => format!("{stored:?}"),
+                };
+                format!("{stored} looks like a no-data number that the file does not tell: --nodata {stored} makes it absent")
+            })
+        };
+        let doubts: Vec<String> = [low, high].into_iter().filter_map(told).collect();
+        info.notes.extend(doubts);
     }
 
     /// What the file says about itself.
@@ -93,7 +163,8 @@ impl DemReader {
     ///
     /// # Errors
     /// [`Error::Rows`] outside the raster; [`Error::Malformed`] for a damaged strip or tile; [`Error::AllNodata`]
-    /// when the last row has been read downwards from the first and not one sample was valid.
+    /// when the last row has been read downwards from the first and not one sample was valid. Then, what looks like a
+    /// no-data number that the file does not tell stands in [`DemInfo::notes`].
     pub fn read_rows(&mut self, first_row: usize, num_rows: usize, out: &mut Vec<f32>) -> Result<(), Error> {
         let Opened { info, law, rows } = &mut self.opened;
         let end = first_row.saturating_add(num_rows);
@@ -102,16 +173,21 @@ impl DemReader {
         }
         out.clear();
         out.resize(num_rows * info.width, f32::NAN);
-        match rows {
-            RowSource::Tiff(tiff) => tiff.read(first_row, law, out)?,
-            RowSource::Raw(raw) => raw.read(first_row, law, out)?,
-        }
+        rows.read(first_row, law, out)?;
         if first_row == self.next_row {
             self.next_row = end;
-            self.num_valid += out.iter().filter(|h| !h.is_nan()).count() as u64;
+            let [mut low, mut high] = self.range;
+            for height in out.iter().filter(|h| !h.is_nan()) {
+                self.num_valid += 1;
+                (low, high) = (low.min(*height), high.max(*height));
+            }
+            self.range = [low, high];
             if end == info.height && self.num_valid == 0 {
                 let num_samples = info.width as u64 * info.height as u64;
                 return Err(Error::AllNodata { path: info.data_path.clone(), num_samples });
+            }
+            if end == info.height {
+                self.note_doubts();
             }
         }
         Ok(())
@@ -127,67 +203,4 @@ impl DemReader {
         self.read_rows(0, height, &mut data)?;
         Raster::new(width, height, data)
     }
-}
-
-/// What a file looks like from its first bytes.
-enum Content {
-    Tiff,
-    Pds3,
-    Xml,
-    Other(String),
-}
-
-fn sniff(path: &Path) -> Result<Content, Error> {
-    let mut head = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    file.take(SNIFF_BYTES).read_to_end(&mut head).map_err(Error::io("read", path))?;
-    Ok(match head.as_slice() {
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Content::Tiff,
-        [] => Content::Other("an empty file".to_owned()),
-        [0x89, b'P', b'N', b'G', ..] => Content::Other("a PNG picture".to_owned()),
-        [0xFF, 0xD8, 0xFF, ..] => Content::Other("a JPEG picture".to_owned()),
-        [0, 0, 0, 12, b'j', b'P', ..] => Content::Other("a JPEG 2000 picture".to_owned()),
-        [0x89, b'H', b'D', b'F', ..] => Content::Other("an HDF5 file".to_owned()),
-        _ => sniff_text(&head),
-    })
-}
-
-fn sniff_text(head: &[u8]) -> Content {
-    let text = String::from_utf8_lossy(head);
-    let start = text.trim_start_matches('\u{feff}').trim_start();
-    if start.starts_with('<') {
-        Content::Xml
-    } else if text.contains("PDS_VERSION_ID") {
-        Content::Pds3
-    } else if text.contains("Object = IsisCube") {
-        Content::Other("an ISIS cube".to_owned())
-    } else {
-        let bytes: Vec<String> = head.iter().take(4).map(|b| format!("{b:02x}")).collect();
-        Content::Other(format!("bytes {}", bytes.join(" ")))
-    }
-}
-
-/// The label of a raw image: the same name with another ending, of any case.
-pub(crate) fn label_beside(path: &Path) -> Option<PathBuf> {
-    let stem = path.file_stem()?.to_str()?;
-    ["lbl", "xml"].iter().find_map(|ending| find_beside(path, &format!("{stem}.{ending}")))
-}
-
-/// The file of that name in the folder of `path`, whatever its case; the same case is preferred.
-pub(crate) fn find_beside(path: &Path, name: &str) -> Option<PathBuf> {
-    // Labels made on other systems may name folders; archives are rarely unpacked with them.
-    let name = name.rsplit(['/', '\\']).next().filter(|name| !name.is_empty())?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let exact = folder.join(name);
-    if exact.is_file() {
-        return Some(exact);
-    }
-    let mut matches: Vec<PathBuf> = std::fs::read_dir(folder)
-        .ok()?
-        .filter_map(|entry| entry.ok().map(|e| e.path()))
-        .filter(|p| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case(name)))
-        .filter(|p| p.is_file())
-        .collect();
-    matches.sort();
-    matches.into_iter().next()
 }

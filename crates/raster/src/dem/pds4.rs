@@ -5,10 +5,11 @@
 //! (`upperleft_corner_x/y` are the outer corner of the first pixel).
 
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
-use super::raw::{Interleave, RawLayout, RawPicture, RawRows};
-use super::sample::{ByteOrder, HeightLaw, SampleType};
-use super::{Opened, RowSource, find_beside};
-use crate::{Affine, Error};
+use super::opened::{Opened, RowSource};
+use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
+use crate::file::find_beside;
+use crate::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::{Affine, Error, file};
 use roxmltree::{Document, Node};
 use selenograph_geometry::proj_string::{self, Crs};
 use std::path::{Path, PathBuf};
@@ -42,6 +43,12 @@ fn length_m(node: Node, name: &str) -> Option<f64> {
     Some(number(node, name)? * unit.metres())
 }
 
+/// An angle by the element's `unit` attribute: `deg`, `deg/pixel` …
+fn degrees(node: Node, name: &str) -> Option<f64> {
+    let unit = find(node, name)?.attribute("unit")?.to_ascii_lowercase();
+    unit.starts_with("deg").then(|| number(node, name))?
+}
+
 impl<'a> Label<'a> {
     fn malformed(&self, what: &str, expected: &str, found: impl ToString) -> Error {
         Error::Malformed {
@@ -67,7 +74,8 @@ impl<'a> Label<'a> {
         array.ok_or_else(|| self.malformed("PDS4 label", "an Array_2D_Image", "none"))
     }
 
-    fn layout(&self, array: Node) -> Result<RawLayout, Error> {
+    /// Size and layout as stored, and how it is shown.
+    fn layout(&self, array: Node) -> Result<(RawLayout, Turn), Error> {
         let mut layout = RawLayout {
             offset: number(array, "offset").filter(|v| (0.0..9e15).contains(v)).unwrap_or(0.0) as u64,
             width: 0,
@@ -80,14 +88,15 @@ impl<'a> Label<'a> {
             order: ByteOrder::Little,
         };
         let mut band_position = 1.0;
+        let (mut line_position, mut sample_position) = (1.0, 2.0);
         for axis in array.children().filter(|n| n.tag_name().name() == "Axis_Array") {
             let count = number(axis, "elements").filter(|v| (1.0..4.3e9).contains(v) && v.fract() == 0.0);
             let count =
                 count.ok_or_else(|| self.malformed("Axis_Array", "a whole number of elements", "none"))?;
             let position = number(axis, "sequence_number").unwrap_or(0.0);
             match text(axis, "axis_name").unwrap_or("").to_ascii_lowercase().as_str() {
-                "line" | "latitude" | "y" => layout.height = count as usize,
-                "sample" | "longitude" | "x" => layout.width = count as usize,
+                "line" | "latitude" | "y" => (layout.height, line_position) = (count as usize, position),
+                "sample" | "longitude" | "x" => (layout.width, sample_position) = (count as usize, position),
                 _ => (layout.num_bands, band_position) = (count as usize, position),
             }
         }
@@ -107,7 +116,62 @@ impl<'a> Label<'a> {
             supported: "8, 16, 32 bit integers, IEEE754 single and double",
         })?;
         (layout.sample_type, layout.order) = (sample_type, order);
-        Ok(layout)
+        // Of the two, the axis with the higher number runs faster: stored lines may be columns.
+        let first_fastest =
+            text(array, "axis_index_order").is_some_and(|t| t.to_ascii_lowercase().starts_with("first"));
+        let columns_first = (sample_position < line_position) != first_fastest;
+        if columns_first {
+            (layout.width, layout.height) = (layout.height, layout.width);
+        }
+        if first_fastest && layout.num_bands > 1 {
+            return Err(self.unsupported(
+                "axis_index_order",
+                "First Index Fastest, with bands",
+                "Last Index Fastest",
+            ));
+        }
+        let turn = self.turn(array, columns_first)?;
+        Ok((layout, turn))
+    }
+
+    fn unsupported(&self, what: &'static str, found: impl ToString, supported: &'static str) -> Error {
+        Error::Unsupported { path: self.path.to_owned(), what, found: found.to_string(), supported }
+    }
+
+    /// The display settings; lines downwards and samples to the right where there are none.
+    fn turn(&self, array: Node, columns_first: bool) -> Result<Turn, Error> {
+        let mut lines = "Top to Bottom".to_owned();
+        let mut samples = "Left to Right".to_owned();
+        // Settings name the array that they are of; where they name none, they are of all.
+        let own = array.children().find(|n| n.tag_name().name() == "local_identifier").and_then(|n| n.text());
+        let is_own = |settings: &Node| {
+            let name = text(*settings, "local_identifier_reference");
+            name.is_none() || own.map(str::trim).is_none() || name == own.map(str::trim)
+        };
+        let settings =
+            self.root.descendants().filter(|n| n.tag_name().name() == "Display_Settings").find(is_own);
+        if let Some(display) = settings.and_then(|settings| find(settings, "Display_Direction")) {
+            for side in ["horizontal", "vertical"] {
+                let axis = text(display, &format!("{side}_display_axis")).unwrap_or("").to_ascii_lowercase();
+                let Some(heading) = text(display, &format!("{side}_display_direction")) else { continue };
+                match axis.as_str() {
+                    "line" | "latitude" | "y" => lines = heading.to_owned(),
+                    "sample" | "longitude" | "x" => samples = heading.to_owned(),
+                    _ => {
+                        return Err(self.unsupported("display axis", axis, "Line and Sample"));
+                    }
+                }
+            }
+        }
+        // What is stored as a line may be a column.
+        let stored = if columns_first { (&samples, &lines) } else { (&lines, &samples) };
+        Turn::from_words(stored.0, stored.1).ok_or_else(|| {
+            self.unsupported(
+                "display direction",
+                format!("lines {lines}, samples {samples}"),
+                "one up or down, the other left or right",
+            )
+        })
     }
 
     fn crs(&self) -> Result<Crs, Error> {
@@ -134,7 +198,17 @@ impl<'a> Label<'a> {
             "polarstereographic" => {
                 let lat = lat.ok_or_else(|| self.no_georeference("latitude_of_projection_origin"))?;
                 let scale = number(self.root, "scale_factor_at_projection_origin").unwrap_or(1.0);
-                format!("+proj=stere +lat_0={lat} +k={scale}")
+                match lat.abs() {
+                    // A latitude that is not the pole is that of true scale, as GDAL writes and reads it.
+                    of_true_scale if of_true_scale > 0.0 && of_true_scale < 90.0 => {
+                        if (scale - 1.0).abs() > 1e-9 {
+                            let found = format!("{scale}, with a latitude of true scale");
+                            return Err(self.unsupported("scale_factor_at_projection_origin", found, "1"));
+                        }
+                        format!("+proj=stere +lat_0={} +lat_ts={lat}", 90f64.copysign(lat))
+                    }
+                    _ => format!("+proj=stere +lat_0={lat} +k={scale}"),
+                }
             }
             "equirectangular" | "simplecylindrical" | "equidistantcylindrical" => format!(
                 "+proj=eqc +lat_ts={} +lat_0={}",
@@ -151,10 +225,26 @@ impl<'a> Label<'a> {
             .map_err(|source| Error::CoordinateSystem { path: self.path.to_owned(), source })
     }
 
-    fn map_from_pixel(&self) -> Result<Affine, Error> {
+    fn map_from_pixel(&self, radius_m: Option<f64>, notes: &mut Vec<String>) -> Result<Affine, Error> {
         let need = |name: &str| length_m(self.root, name).ok_or_else(|| self.no_georeference(name));
         let (x, y) = (need("upperleft_corner_x")?, need("upperleft_corner_y")?);
-        let (step_x, step_y) = (need("pixel_resolution_x")?, need("pixel_resolution_y")?);
+        // The dictionary has metres in `pixel_resolution` and pixels per degree in `pixel_scale`; LROC's labels have
+        // degrees in the one and metres in the other.
+        let mut step = |axis: &str| {
+            let (resolution, scale) = (format!("pixel_resolution_{axis}"), format!("pixel_scale_{axis}"));
+            if let Some(step_m) = length_m(self.root, &resolution) {
+                return Ok(step_m);
+            }
+            if let Some(step_m) = length_m(self.root, &scale) {
+                notes.push(format!("{scale} is the size of a cell: {resolution} is no length"));
+                return Ok(step_m);
+            }
+            let step_m =
+                degrees(self.root, &resolution).zip(radius_m).map(|(deg, radius)| deg.to_radians() * radius);
+            notes.push(format!("{resolution} in degrees is taken along the sphere"));
+            step_m.ok_or_else(|| self.no_georeference(&resolution))
+        };
+        let (step_x, step_y) = (step("x")?, step("y")?);
         let affine = Affine::north_up(x, y, step_x, step_y.abs());
         affine.inverse().map_err(|e| self.no_georeference(&format!("pixel_resolution ({e})")))?;
         Ok(affine)
@@ -212,14 +302,8 @@ fn nodata(array: Node, sample_type: SampleType) -> Vec<f64> {
     values
 }
 
-/// The label's text; empty (which no parser takes) where it is too large for one.
 fn read_xml(path: &Path) -> Result<String, Error> {
-    let size = std::fs::metadata(path).map_err(Error::io("open", path))?.len();
-    let xml = if size <= MAX_LABEL_BYTES {
-        std::fs::read(path).map_err(Error::io("read", path))?
-    } else {
-        Vec::new()
-    };
+    let xml = file::read(path, MAX_LABEL_BYTES).map_err(Error::io("read", path))?;
     Ok(String::from_utf8_lossy(&xml).into_owned())
 }
 
@@ -247,11 +331,12 @@ pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
     let document = parse(path, &xml)?;
     let label = Label { path, root: document.root() };
     let array = label.array()?;
-    let layout = label.layout(array)?;
+    let (layout, turn) = label.layout(array)?;
     Ok(RawPicture {
         data_path: data_path(&label, array)?,
-        scale: number(array, "scaling_factor").filter(|v| *v != 0.0).unwrap_or(1.0),
-        offset: number(array, "value_offset").unwrap_or(0.0),
+        scale: vec![number(array, "scaling_factor").filter(|v| *v != 0.0).unwrap_or(1.0)],
+        offset: vec![number(array, "value_offset").unwrap_or(0.0)],
+        turn,
         nodata: nodata(array, layout.sample_type),
         white: None,
         layout,
@@ -264,14 +349,23 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> 
     let document = parse(path, &xml)?;
     let label = Label { path, root: document.root() };
     let array = label.array()?;
-    let layout = label.layout(array)?;
+    let (layout, turn) = label.layout(array)?;
     let band_idx = options.band_idx(path, layout.num_bands)?;
+    if turn.transposed {
+        let found = turn.note().unwrap_or_default();
+        return Err(label.unsupported(
+            "axis order of a map",
+            found,
+            "lines across the map, one below the other",
+        ));
+    }
 
     let data_path = data_path(&label, array)?;
-    let rows = RawRows::open(&data_path, &layout, band_idx)?;
+    let rows = RawRows::open(&data_path, &layout, band_idx)?.turned(turn);
 
-    let map_from_pixel = label.map_from_pixel()?;
+    let mut notes: Vec<String> = turn.note().into_iter().collect();
     let crs = options.given_crs(path)?.map_or_else(|| label.crs(), Ok)?;
+    let map_from_pixel = label.map_from_pixel(crs.projection.radius_m(), &mut notes)?;
     let crs = turned_to_raster(crs, &map_from_pixel, layout.width, layout.height);
     let scale = number(array, "scaling_factor").filter(|v| *v != 0.0).unwrap_or(1.0);
     let offset = number(array, "value_offset").unwrap_or(0.0);
@@ -302,7 +396,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> 
         map_from_pixel,
         pixel_is: PixelIs::Area,
         num_overviews: 0,
-        notes: Vec::new(),
+        notes,
     };
     Ok(Opened { info, law, rows: RowSource::Raw(rows) })
 }

@@ -1,7 +1,7 @@
 //! Rows out of an uncompressed image of any interleaving: what PDS3 and PDS4 labels describe.
 
-use super::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::Error;
+use crate::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::{Error, Raster, file};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -18,6 +18,72 @@ pub(crate) enum Interleave {
     Line,
     /// A sample of each band, then the next sample.
     Sample,
+}
+
+/// How a picture is shown from how it is stored: first turned over its diagonal, then mirrored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Turn {
+    /// Whether stored lines are columns.
+    pub(crate) transposed: bool,
+    /// Whether the first column is shown at the right.
+    pub(crate) from_right: bool,
+    /// Whether the first row is shown at the bottom.
+    pub(crate) from_bottom: bool,
+}
+
+impl Turn {
+    /// Whether anything is turned.
+    pub(crate) fn is_none(self) -> bool {
+        self == Self::default()
+    }
+
+    /// From the sides where lines and samples begin, in words: `Top to Bottom`, `Down`, `Right to Left`, `Left` …
+    ///
+    /// `lines` tells how the stored lines follow each other, `samples` how the samples of a line do.
+    pub(crate) fn from_words(lines: &str, samples: &str) -> Option<Self> {
+        let heading = |words: &str| match words.to_ascii_lowercase().replace(['_', '-'], " ").as_str() {
+            "top to bottom" | "down" => Some((true, false)),
+            "bottom to top" | "up" => Some((true, true)),
+            "left to right" | "right" => Some((false, false)),
+            "right to left" | "left" => Some((false, true)),
+            _ => None,
+        };
+        let ((lines_down, lines_back), (samples_down, samples_back)) = (heading(lines)?, heading(samples)?);
+        match (lines_down, samples_down) {
+            (true, false) => {
+                Some(Self { transposed: false, from_right: samples_back, from_bottom: lines_back })
+            }
+            (false, true) => {
+                Some(Self { transposed: true, from_right: lines_back, from_bottom: samples_back })
+            }
+            _ => None,
+        }
+    }
+
+    /// As it is shown.
+    pub(crate) fn apply(self, stored: Raster<f32>) -> Raster<f32> {
+        if self.is_none() {
+            return stored;
+        }
+        let (width, height) =
+            if self.transposed { (stored.height, stored.width) } else { (stored.width, stored.height) };
+        Raster::from_fn(width, height, |x, y| {
+            let x = if self.from_right { width - 1 - x } else { x };
+            let y = if self.from_bottom { height - 1 - y } else { y };
+            if self.transposed { stored[(y, x)] } else { stored[(x, y)] }
+        })
+    }
+
+    /// What was done, for people.
+    pub(crate) fn note(self) -> Option<String> {
+        let told = [
+            (self.transposed, "lines are columns"),
+            (self.from_right, "columns run from right to left"),
+            (self.from_bottom, "rows run from bottom to top"),
+        ];
+        let told: Vec<&str> = told.iter().filter(|(is, _)| *is).map(|(_, what)| *what).collect();
+        (!told.is_empty()).then(|| format!("turned as its label says: {}", told.join(", ")))
+    }
 }
 
 /// Size and layout of the image as its label has it.
@@ -40,15 +106,29 @@ pub(crate) struct RawLayout {
 pub(crate) struct RawPicture {
     pub(crate) data_path: PathBuf,
     pub(crate) layout: RawLayout,
-    /// Stored number → the label's unit: factor and summand.
-    pub(crate) scale: f64,
-    pub(crate) offset: f64,
+    /// Stored number → the label's unit: factor and summand, of each band or of all.
+    pub(crate) scale: Vec<f64>,
+    pub(crate) offset: Vec<f64>,
+    /// How it is shown.
+    pub(crate) turn: Turn,
     /// Stored numbers that mean "absent".
     pub(crate) nodata: Vec<f64>,
     /// The largest stored number that the label allows, where it says so.
     pub(crate) white: Option<f64>,
     /// What had to be decided while reading, in sentences.
     pub(crate) notes: Vec<String>,
+}
+
+impl RawPicture {
+    /// Factor and summand of a band.
+    pub(crate) fn law_of(&self, band_idx: usize) -> (f64, f64) {
+        (of_band(&self.scale, band_idx, 1.0), of_band(&self.offset, band_idx, 0.0))
+    }
+}
+
+/// The number of a band, where there is one for each or one for all.
+pub(crate) fn of_band(values: &[f64], band_idx: usize, default: f64) -> f64 {
+    values.get(band_idx).or(values.first()).copied().unwrap_or(default)
 }
 
 /// Reads rows of one band.
@@ -64,14 +144,16 @@ pub(crate) struct RawRows {
     order: ByteOrder,
     first_sample: usize,
     sample_stride: usize,
+    height: usize,
+    /// How rows are shown; never transposed.
+    turn: Turn,
     block: Vec<u8>,
 }
 
 impl RawRows {
     /// Opens the image and makes sure that it is as long as its label says.
     pub(crate) fn open(path: &Path, layout: &RawLayout, band_idx: usize) -> Result<Self, Error> {
-        let file = File::open(path).map_err(Error::io("open", path))?;
-        let found = file.metadata().map_err(Error::io("read", path))?.len();
+        let (file, found) = file::open(path).map_err(Error::io("open", path))?;
         let too_large = || Error::Malformed {
             path: path.to_owned(),
             what: "image size in the label".to_owned(),
@@ -122,12 +204,35 @@ impl RawRows {
             order: layout.order,
             first_sample,
             sample_stride,
+            height: layout.height,
+            turn: Turn::default(),
             block: Vec::new(),
         })
     }
 
+    /// The same rows as a label shows them, mirrored in either direction.
+    pub(crate) fn turned(self, turn: Turn) -> Self {
+        Self { turn, ..self }
+    }
+
     /// Rows `first..` into `out`, as many as it has room for.
     pub(crate) fn read(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
+        let num_rows = out.len() / self.width;
+        let stored_first = if self.turn.from_bottom { self.height - first - num_rows } else { first };
+        self.read_stored(stored_first, law, out)?;
+        if self.turn.from_bottom {
+            for y in 0..num_rows / 2 {
+                let (upper, lower) = out.split_at_mut((num_rows - 1 - y) * self.width);
+                upper[y * self.width..][..self.width].swap_with_slice(&mut lower[..self.width]);
+            }
+        }
+        if self.turn.from_right {
+            out.chunks_exact_mut(self.width).for_each(<[f32]>::reverse);
+        }
+        Ok(())
+    }
+
+    fn read_stored(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
         let rows_per_block = (BLOCK_BYTES / self.row_stride).max(1) as usize;
         for (block_idx, heights) in out.chunks_mut(rows_per_block * self.width).enumerate() {
             let num_rows = (heights.len() / self.width) as u64;
@@ -158,6 +263,48 @@ impl RawRows {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pictures_and_rows_are_turned_alike() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.img");
+        std::fs::write(&path, [1, 2, 3, 4, 5, 6]).unwrap();
+        let layout = RawLayout {
+            offset: 0,
+            width: 3,
+            height: 2,
+            num_bands: 1,
+            interleave: Interleave::Band,
+            prefix_bytes: 0,
+            suffix_bytes: 0,
+            sample_type: SampleType::U8,
+            order: ByteOrder::Little,
+        };
+        let stored = Raster { width: 3, height: 2, data: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] };
+        let law = HeightLaw::new(1.0, 0.0, 1.0, 1.0, &[]);
+        for (lines, samples, expected) in [
+            ("Top to Bottom", "Left to Right", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+            ("UP", "RIGHT", [4.0, 5.0, 6.0, 1.0, 2.0, 3.0]),
+            ("Down", "Right to Left", [3.0, 2.0, 1.0, 6.0, 5.0, 4.0]),
+            ("Bottom to Top", "Right to Left", [6.0, 5.0, 4.0, 3.0, 2.0, 1.0]),
+        ] {
+            let turn = Turn::from_words(lines, samples).unwrap();
+            assert_eq!(turn.apply(stored.clone()).data, expected);
+            let mut rows = RawRows::open(&path, &layout, 0).unwrap().turned(turn);
+            let mut out = [0.0; 6];
+            for (y, row) in out.chunks_exact_mut(3).enumerate() {
+                rows.read(y, &law, row).unwrap();
+            }
+            assert_eq!(out, expected);
+            rows.read(0, &law, &mut out).unwrap();
+            assert_eq!(out, expected);
+        }
+        let across = Turn::from_words("Left to Right", "Bottom to Top").unwrap();
+        let turned = across.apply(stored);
+        assert_eq!((turned.width, turned.height, turned.data), (2, 3, vec![3.0, 6.0, 2.0, 5.0, 1.0, 4.0]));
+        assert_eq!(Turn::from_words("Up", "Down"), None);
+        assert_eq!(Turn::from_words("sideways", "Right"), None);
+    }
 
     /// Three bands of 2×2 with a prefix of one byte and a suffix of two per line.
     #[test]

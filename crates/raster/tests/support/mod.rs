@@ -44,7 +44,7 @@ pub fn geo_keys(keys: &[(u16, f64)]) -> Vec<(u16, Values)> {
     let mut directory = vec![1, 1, 0, keys.len() as u16];
     let mut doubles = Vec::new();
     for (key, value) in keys {
-        if matches!(key, 1024 | 1025 | 2048 | 2054 | 3072 | 3074 | 3075 | 3076) {
+        if matches!(key, 1024 | 1025 | 2048 | 2051 | 2052 | 2054 | 4099 | 3072 | 3074 | 3075 | 3076) {
             directory.extend([key, 0, 1, value as u16]);
         } else {
             directory.extend([key, 34736, 1, doubles.len() as u16]);

@@ -100,7 +100,7 @@ struct Image {
 
 /// The picture of that name; `None` where there is no list.
 fn image_of(path: &Path, name: &str) -> Result<Option<Image>, Error> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match selenograph_raster::file::read_to_string(path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(Error::io("read", path)(e)),

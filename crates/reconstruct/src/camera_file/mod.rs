@@ -10,6 +10,7 @@ mod ours;
 
 use crate::Error;
 use selenograph_geometry::{BodyFixed, Cam, Camera, Point3, Rigid3, pixel};
+use selenograph_raster::file;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -87,7 +88,7 @@ impl<'a> PictureSize<'a> {
 /// [`Error::Io`]; [`Error::Format`] for a file of no known kind, missing keys, numbers that no camera has, and rotations
 /// that are mirrored or not orthonormal; [`Error::CameraSize`] if the camera belongs to a picture of another size.
 pub fn read(path: &Path, picture: &PictureSize) -> Result<CameraFile, Error> {
-    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let bytes = file::read(path, file::MAX_TEXT_BYTES).map_err(Error::io("read", path))?;
     let text = String::from_utf8_lossy(&bytes);
     let text = text.trim_start_matches('\u{feff}');
     let source = Source { path, picture };

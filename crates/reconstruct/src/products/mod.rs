@@ -43,6 +43,8 @@ pub struct ProductOptions {
     pub light_azimuth_deg: f64,
     /// Light of the hillshade above the horizon, degrees.
     pub light_elevation_deg: f64,
+    /// The number written where rasters of floats are absent; NaN if `None`.
+    pub nodata: Option<f32>,
 }
 
 impl Default for ProductOptions {
@@ -54,6 +56,7 @@ impl Default for ProductOptions {
             // From the upper left, as maps are shaded by custom.
             light_azimuth_deg: 315.0,
             light_elevation_deg: 30.0,
+            nodata: None,
         }
     }
 }
@@ -71,6 +74,8 @@ pub struct Products {
     pub hazard: HazardMap,
     /// Both views' points.
     pub cloud: Cloud,
+    /// The number that the files of rasters of floats hold where they are absent; NaN if `None`.
+    pub nodata: Option<f32>,
     /// What `products.json` says.
     pub summary: ProductSummary,
 }
@@ -170,7 +175,7 @@ pub fn make(input: &ProductInput, options: &ProductOptions) -> Result<Products, 
     );
     let (cloud, hazard, (slope_rad, hillshade)) = (cloud?, hazard?, shaded);
     let summary = summarise(input, options, &dem, &slope_rad, &hazard, &cloud, &lifted);
-    Ok(Products { dem, slope_rad, hillshade, hazard, cloud, summary })
+    Ok(Products { dem, slope_rad, hillshade, hazard, cloud, nodata: options.nodata, summary })
 }
 
 /// Makes everything and writes it into `folder`, which is made if it is not there.
@@ -215,23 +220,21 @@ fn tasks(input: &ProductInput) -> Vec<Task> {
         Task { name: "pointmaps.npz", write: |path, input, _| write_whole(path, &arrays::pointmaps(input)?) },
         Task {
             name: "dem.tif",
-            write: |path, _, p| tif::write(path, &p.dem, &p.dem.heights, "height", tif::length_unit(&p.dem)),
+            write: |path, _, p| tif::write(path, p, &p.dem.heights, "height", tif::length_unit(&p.dem)),
         },
         Task {
             name: "dem_sigma.tif",
             write: |path, _, p| {
-                tif::write(path, &p.dem, &p.dem.sigma, "sigma of height", tif::length_unit(&p.dem))
+                tif::write(path, p, &p.dem.sigma, "sigma of height", tif::length_unit(&p.dem))
             },
         },
         Task {
             name: "slope.tif",
-            write: |path, _, p| {
-                tif::write(path, &p.dem, &p.slope_rad.map(|s| s.to_degrees()), "slope", "degree")
-            },
+            write: |path, _, p| tif::write(path, p, &p.slope_rad.map(|s| s.to_degrees()), "slope", "degree"),
         },
         Task {
             name: "hillshade.tif",
-            write: |path, _, p| tif::write(path, &p.dem, &p.hillshade, "cosine of incidence", ""),
+            write: |path, _, p| tif::write(path, p, &p.hillshade, "cosine of incidence", ""),
         },
         Task { name: "cloud.ply", write: |path, _, p| write_whole(path, &cloud::ply::encode(&p.cloud)) },
         Task { name: "cloud.glb", write: |path, _, p| write_whole(path, &cloud::glb::encode(&p.cloud)) },

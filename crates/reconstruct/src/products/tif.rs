@@ -1,5 +1,6 @@
 //! Rasters of a grid as cloud-optimised GeoTIFF.
 
+use super::Products;
 use crate::Error;
 use crate::cloud;
 use crate::grid::{Dem, GridFrame};
@@ -11,13 +12,13 @@ use std::path::Path;
 /// A raster of floats of a stated name and unit.
 pub(super) fn write(
     path: &Path,
-    dem: &Dem,
+    products: &Products,
     raster: &Raster<f32>,
     name: &str,
     unit: &str,
 ) -> Result<(), Error> {
-    let options = CogOptions::float(name, unit);
-    let mut cog = CogWriter::create(path, raster.width, raster.height, &place(dem), options)?;
+    let options = CogOptions::float(name, unit).with_nodata(products.nodata);
+    let mut cog = CogWriter::create(path, raster.width, raster.height, &place(&products.dem), options)?;
     cog.write_rows(&raster.data)?;
     Ok(cog.finish()?)
 }

@@ -164,8 +164,8 @@ fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
 
 /// Known points from a table; those with a latitude are on the body of the first camera, or on the Moon.
 fn points(path: &Path, world: &World) -> anyhow::Result<KnownPoints> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read points `{}`", path.display()))?;
+    let text = selenograph_raster::file::read_to_string(path)
+        .with_context(|| format!("cannot read points `{}`", path.display()))?;
     let header = text.lines().find(|line| !line.trim().is_empty() && !line.trim_start().starts_with('#'));
     let moon = Body::moon();
     let body = match world {

@@ -196,6 +196,7 @@ fn product_options(choice: &ProductChoice, complete: bool) -> ProductOptions {
             footprint_m: choice.footprint_m,
             ..defaults.hazard
         },
+        nodata: choice.nodata,
         ..defaults
     }
 }

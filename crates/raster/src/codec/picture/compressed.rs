@@ -1,21 +1,25 @@
 //! PNG, JPEG and PGM: decoded from the bytes of the whole file.
 
-use super::super::{Picture, bytes_of, malformed, pgm};
-use super::{GreyUnit, PictureFile, PictureFormat, checked_size, luma};
-use crate::{Error, Raster};
+use super::super::decoded::{Picture, bytes_of, malformed};
+use super::super::{jpeg, pgm, png};
+use super::found::{GreyUnit, PictureFile, PictureFormat, checked_size, luma};
+use crate::{Error, Raster, bounds};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 use std::io::Cursor;
 use std::path::Path;
 
 /// Bytes that a decoder may take: 16-bit colour of the largest picture.
-const MAX_DECODED_BYTES: u64 = 8 * super::MAX_PIXELS;
+const MAX_DECODED_BYTES: u64 = 8 * super::found::MAX_PIXELS;
 
 pub(super) fn read(path: &Path, format: PictureFormat) -> Result<PictureFile, Error> {
     let bytes = bytes_of(path)?;
     let decoded = match format {
-        PictureFormat::Png => with_image(&bytes, path, format, image::ImageFormat::Png),
+        PictureFormat::Png => {
+            png::check_whole(&bytes, path)?;
+            with_image(&bytes, path, format, image::ImageFormat::Png)
+        }
         PictureFormat::Jpeg => {
-            ends_after_its_scans(&bytes).map_err(|found| malformed("JPEG", path, found))?;
+            jpeg::check_whole(&bytes, path)?;
             with_image(&bytes, path, format, image::ImageFormat::Jpeg)
         }
         _ => with_pgm(&bytes, path),
@@ -76,6 +80,7 @@ fn with_image(
     let (width, height) = decoder.dimensions();
     checked_size(path, u64::from(width), u64::from(height))?;
     let colour = decoder.color_type();
+    bounds::check(path, "picture size", Some(decoder.total_bytes()), bytes.len() as u64)?;
     let image = DynamicImage::from_decoder(decoder).map_err(bad)?;
     let mut notes = Vec::new();
     // The decoder tells of samples as it widens them; the header's bytes 24 and 25 say how they are stored.
@@ -142,36 +147,4 @@ fn luma_of([red, green, blue]: [f32; 3]) -> f32 {
 /// The decoder's words on one line.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// Makes sure that a JPEG has its end marker: the decoder fills up what is cut off with grey, in silence.
-fn ends_after_its_scans(bytes: &[u8]) -> Result<(), &'static str> {
-    const CUT: &str = "the end of the file before the end of the picture";
-    const START_OF_SCAN: u8 = 0xDA;
-    const END_OF_IMAGE: u8 = 0xD9;
-    let mut at = 2;
-    loop {
-        // Between segments only fill bytes may stand; inside a scan, samples up to the next real marker.
-        let marker = loop {
-            let rest = bytes.get(at..).ok_or(CUT)?;
-            let next = rest.iter().position(|byte| *byte == 0xFF).ok_or(CUT)?;
-            at += next + 1;
-            match *bytes.get(at).ok_or(CUT)? {
-                0 | 0x01 | 0xD0..=0xD7 => at += 1,
-                0xFF => {}
-                marker => break marker,
-            }
-        };
-        if marker == END_OF_IMAGE {
-            return Ok(());
-        }
-        let length = match bytes.get(at + 1..at + 3) {
-            Some([high, low]) => usize::from(u16::from_be_bytes([*high, *low])),
-            _ => return Err(CUT),
-        };
-        at += 1 + length.max(2);
-        if marker == START_OF_SCAN && at >= bytes.len() {
-            return Err(CUT);
-        }
-    }
 }

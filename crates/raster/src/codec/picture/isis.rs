@@ -3,26 +3,18 @@
 //! # Source
 //! "Isis Cube Format" and `SpecialPixel.h` of USGS ISIS 3.
 
-use super::{PictureFile, PictureFormat, raw};
-use crate::dem::find_beside;
+use super::found::{PictureFile, PictureFormat};
+use super::raw;
 use crate::dem::pds3::label::{self, Block, Value};
-use crate::dem::raw::{Interleave, RawLayout, RawPicture, RawRows};
-use crate::dem::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::{Error, Raster};
-use std::fs::File;
+use crate::dem::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
+use crate::file::find_beside;
+use crate::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::{Error, Raster, file};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Where an attached label is given up; ISIS reserves 65536 bytes and writes more where it must.
 const MAX_LABEL_BYTES: u64 = 1 << 20;
-
-/// Whether a text is the beginning of a cube's label.
-pub(super) fn is_label(text: &str) -> bool {
-    let mut words = text.split_whitespace();
-    words.next().is_some_and(|word| word.eq_ignore_ascii_case("object"))
-        && words.next() == Some("=")
-        && words.next().is_some_and(|word| word.eq_ignore_ascii_case("isiscube"))
-}
 
 pub(super) fn read(path: &Path) -> Result<PictureFile, Error> {
     let core = core_object(path)?;
@@ -39,7 +31,7 @@ pub(super) fn read(path: &Path) -> Result<PictureFile, Error> {
 /// The `Core` object of the label. Only it is parsed: other parts hold values broken over lines with hyphens.
 fn core_object(path: &Path) -> Result<Block, Error> {
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
+    let (file, _) = file::open(path).map_err(Error::io("open", path))?;
     file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();
     let is = |line: &str, key: &str, value: &str| {
@@ -127,8 +119,9 @@ impl Cube<'_> {
         Ok(RawPicture {
             data_path: self.data_path()?,
             layout,
-            scale: self.number("MULTIPLIER", 1.0)?,
-            offset: self.number("BASE", 0.0)?,
+            scale: vec![self.number("MULTIPLIER", 1.0)?],
+            offset: vec![self.number("BASE", 0.0)?],
+            turn: Turn::default(),
             nodata: nodata.to_vec(),
             white: None,
             notes: Vec::new(),

@@ -1,9 +1,9 @@
 //! PDS3 and PDS4: a label and an uncompressed image.
 
-use super::{PictureFile, PictureFormat, checked_size, grey_of_bands, scaled_to_white, white_of};
+use super::found::{PictureFile, PictureFormat, checked_size, grey_of_bands, scaled_to_white, white_of};
 use crate::dem::raw::{RawPicture, RawRows};
-use crate::dem::sample::HeightLaw;
 use crate::dem::{pds3, pds4};
+use crate::sample::HeightLaw;
 use crate::{Error, Raster};
 use std::path::Path;
 
@@ -36,16 +36,25 @@ pub(super) fn read(
 ) -> Result<PictureFile, Error> {
     let layout = &picture.layout;
     checked_size(&picture.data_path, layout.width as u64, layout.height as u64)?;
-    let law = HeightLaw::new(picture.scale, picture.offset, 1.0, f64::INFINITY, &picture.nodata);
     let colour = layout.num_bands == 3 && format != PictureFormat::Isis;
-    let bands: Result<Vec<_>, Error> =
-        (0..if colour { 3 } else { 1 }).map(|band_idx| read_band(&picture, band_idx, &law)).collect();
+    let bands = (0..if colour { 3 } else { 1 }).map(|band_idx| {
+        let (scale, offset) = picture.law_of(band_idx);
+        let law = HeightLaw::new(scale, offset, 1.0, f64::INFINITY, &picture.nodata);
+        read_band(&picture, band_idx, &law)
+    });
+    let bands = bands.collect::<Result<Vec<_>, Error>>()?;
     let mut notes = std::mem::take(&mut picture.notes);
-    let (mut grey, was_colour) = grey_of_bands(bands?, picture.layout.num_bands, &mut notes);
+    let (mut grey, was_colour) = grey_of_bands(bands, picture.layout.num_bands, &mut notes);
     let sample_type = picture.layout.sample_type;
-    let plain = picture.scale == 1.0 && picture.offset == 0.0;
-    let white = white_of(sample_type).map(|full| picture.white.unwrap_or(full)).filter(|_| plain);
+    let plain = picture.scale.iter().all(|scale| *scale == 1.0) && picture.offset.iter().all(|v| *v == 0.0);
+    let white = match picture.white {
+        _ if !plain => None,
+        Some(white) => Some(white),
+        None => white_of(sample_type, &grey, &mut notes),
+    };
     let unit = scaled_to_white(&mut grey, white);
+    let grey = picture.turn.apply(grey);
+    notes.extend(picture.turn.note());
     Ok(PictureFile {
         path: path.to_owned(),
         data_path: picture.data_path,

@@ -1,15 +1,15 @@
 //! TIFF: the readers of elevation models, without their georeference.
 
-use super::{PictureFile, PictureFormat, checked_size, grey_of_bands, scaled_to_white, white_of};
+use super::found::{PictureFile, PictureFormat, checked_size, grey_of_bands, scaled_to_white, white_of};
 use crate::Error;
-use crate::dem::geotiff::bands;
+use crate::tiff::bands;
 use std::path::Path;
 
 pub(super) fn read(path: &Path) -> Result<PictureFile, Error> {
-    let tiff = bands::read(path, |width, height| checked_size(path, width, height))?;
-    let mut notes = vec![tiff.storage];
+    let mut tiff = bands::read(path, |width, height| checked_size(path, width, height))?;
+    let mut notes = std::mem::take(&mut tiff.notes);
     let (mut grey, was_colour) = grey_of_bands(tiff.bands, tiff.num_bands, &mut notes);
-    let white = white_of(tiff.sample_type);
+    let white = white_of(tiff.sample_type, &grey, &mut notes);
     let unit = scaled_to_white(&mut grey, white);
     if tiff.inverted {
         let top = if white.is_some() { 1.0 } else { 0.0 };

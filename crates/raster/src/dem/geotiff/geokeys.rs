@@ -4,6 +4,7 @@
 //! OGC 19-008r4, "GeoTIFF standard" 1.1, and for what it leaves open (latitudes of true scale, both spellings of a
 //! polar map) what GDAL writes.
 
+use crate::dem::info::HeightUnit;
 use crate::{Affine, Error};
 use selenograph_geometry::proj_string::{self, Crs};
 use std::collections::BTreeMap;
@@ -14,10 +15,15 @@ const RASTER_TYPE: u16 = 1025;
 const CITATION: u16 = 1026;
 const GEOGRAPHIC_TYPE: u16 = 2048;
 const GEOGRAPHIC_CITATION: u16 = 2049;
+const PRIME_MERIDIAN: u16 = 2051;
+const GEOGRAPHIC_LINEAR_UNITS: u16 = 2052;
+const GEOGRAPHIC_LINEAR_UNIT_SIZE: u16 = 2053;
 const ANGULAR_UNITS: u16 = 2054;
+const ANGULAR_UNIT_SIZE: u16 = 2055;
 const SEMI_MAJOR_AXIS: u16 = 2057;
 const SEMI_MINOR_AXIS: u16 = 2058;
 const INVERSE_FLATTENING: u16 = 2059;
+const PRIME_MERIDIAN_LONG: u16 = 2061;
 const PROJECTED_TYPE: u16 = 3072;
 const PROJECTED_CITATION: u16 = 3073;
 const COORDINATE_TRANSFORM: u16 = 3075;
@@ -33,6 +39,10 @@ const CENTER_LAT: u16 = 3089;
 const SCALE_AT_NAT_ORIGIN: u16 = 3092;
 const SCALE_AT_CENTER: u16 = 3093;
 const STRAIGHT_POLE_LONG: u16 = 3095;
+const VERTICAL_UNITS: u16 = 4099;
+
+const GEOGRAPHIC_MODEL: u16 = 2;
+const GREENWICH: u16 = 8901;
 
 const USER_DEFINED: u16 = 32767;
 
@@ -124,21 +134,91 @@ impl GeoKeys {
         keys.iter().find_map(|key| self.numbers.get(key)).copied()
     }
 
-    /// Metres per map unit; `None` for a unit without a size.
-    pub(super) fn linear_unit_m(&self) -> Option<f64> {
-        match self.codes.get(&LINEAR_UNITS) {
-            None | Some(9001) => Some(1.0),
+    /// Metres per unit of length by its code; `None` for a unit without a size.
+    fn length_unit_m(&self, code: u16, size: u16) -> Option<f64> {
+        match self.codes.get(&code) {
+            None | Some(0 | 9001) => Some(1.0),
             Some(9036) => Some(1000.0),
-            Some(_) => self.first_number(&[LINEAR_UNIT_SIZE]),
+            Some(9002) => Some(0.3048),
+            Some(9003) => Some(1200.0 / 3937.0),
+            Some(_) => self.first_number(&[size]),
         }
     }
 
+    /// Metres per unit of a projected map.
+    fn linear_unit_m(&self, path: &Path) -> Result<f64, Error> {
+        self.length_unit_m(LINEAR_UNITS, LINEAR_UNIT_SIZE).ok_or_else(|| Error::NoGeoreference {
+            path: path.to_owned(),
+            what: "its GeoKeys name a length unit without its size".to_owned(),
+        })
+    }
+
     /// Degrees per angular unit of the file.
-    fn angular_unit_deg(&self) -> Option<f64> {
-        match self.codes.get(&ANGULAR_UNITS) {
-            None | Some(9102) => Some(1.0),
-            Some(9101) => Some(1f64.to_degrees()),
-            Some(_) => None,
+    fn angular_unit_deg(&self, path: &Path) -> Result<f64, Error> {
+        let code = self.codes.get(&ANGULAR_UNITS).copied().unwrap_or(9102);
+        match code {
+            0 | 9102 | 9122 => Ok(1.0),
+            9101 => Ok(1f64.to_degrees()),
+            9103 => Ok(1.0 / 60.0),
+            9104 => Ok(1.0 / 3600.0),
+            9105 | 9106 => Ok(0.9),
+            _ => self.first_number(&[ANGULAR_UNIT_SIZE]).map(f64::to_degrees).ok_or_else(|| {
+                Error::Unsupported {
+                    path: path.to_owned(),
+                    what: "angular unit",
+                    found: format!("EPSG:{code}"),
+                    supported: "degrees, radians, grads, minutes, seconds",
+                }
+            }),
+        }
+    }
+
+    /// Metres or degrees per unit of the map.
+    pub(super) fn map_unit(&self, path: &Path) -> Result<f64, Error> {
+        match self.codes.get(&MODEL_TYPE) {
+            Some(&GEOGRAPHIC_MODEL) => self.angular_unit_deg(path),
+            _ => self.linear_unit_m(path),
+        }
+    }
+
+    /// East longitude of the meridian that longitudes count from, degrees.
+    fn prime_meridian_deg(&self, path: &Path) -> Result<f64, Error> {
+        let code = self.codes.get(&PRIME_MERIDIAN).copied();
+        match (self.first_number(&[PRIME_MERIDIAN_LONG]), code) {
+            (Some(longitude), _) => Ok(longitude * self.angular_unit_deg(path)?),
+            (None, None | Some(0 | GREENWICH | USER_DEFINED)) => Ok(0.0),
+            (None, Some(code)) => Err(Error::Unsupported {
+                path: path.to_owned(),
+                what: "prime meridian",
+                found: format!("EPSG:{code}"),
+                supported: "0, or one whose longitude stands in the file",
+            }),
+        }
+    }
+
+    /// What is to be added to the longitudes of a geographic map, degrees.
+    pub(super) fn first_longitude_deg(&self, path: &Path) -> Result<f64, Error> {
+        match self.codes.get(&MODEL_TYPE) {
+            Some(&GEOGRAPHIC_MODEL) => self.prime_meridian_deg(path),
+            _ => Ok(0.0),
+        }
+    }
+
+    /// The unit of heights: metres where the file says nothing.
+    pub(super) fn vertical_unit(&self, path: &Path) -> Result<HeightUnit, Error> {
+        match self.codes.get(&VERTICAL_UNITS) {
+            None | Some(0 | 9001) => Ok(HeightUnit::Metre),
+            Some(9036) => Ok(HeightUnit::Kilometre),
+            Some(code) => Err(Error::Unsupported {
+                path: path.to_owned(),
+                what: "height unit",
+                found: match code {
+                    9002 => "foot".to_owned(),
+                    9003 => "US survey foot".to_owned(),
+                    _ => format!("EPSG:{code}"),
+                },
+                supported: "metres and kilometres",
+            }),
         }
     }
 
@@ -149,7 +229,15 @@ impl GeoKeys {
     /// [`Error::CoordinateSystem`] where they name something else than a supported map of a sphere.
     pub(super) fn crs(&self, path: &Path) -> Result<Crs, Error> {
         let text = match self.iau_code() {
-            Some(code) => code,
+            Some(code) if self.prime_meridian_deg(path)? == 0.0 => code,
+            Some(code) => {
+                return Err(Error::Unsupported {
+                    path: path.to_owned(),
+                    what: "prime meridian",
+                    found: format!("another than that of {code}"),
+                    supported: "0, or one whose map is described by its parameters",
+                });
+            }
             None => self.proj_text(path)?,
         };
         proj_string::parse(&text).map_err(|source| Error::CoordinateSystem { path: path.to_owned(), source })
@@ -194,9 +282,9 @@ impl GeoKeys {
         }
         let radius = self.radius().ok_or_else(|| missing("its GeoKeys give no radius of the sphere"))?;
         match (model, self.codes.get(&COORDINATE_TRANSFORM).copied()) {
-            (Some(2), _) => Ok(format!("+proj=longlat {radius}")),
+            (Some(GEOGRAPHIC_MODEL), _) => Ok(format!("+proj=longlat {radius}")),
             (Some(1) | None, Some(transform)) => {
-                let projection = self.projection_text(transform).ok_or_else(|| {
+                let projection = self.projection_text(transform, path)?.ok_or_else(|| {
                     let name = TRANSFORMS.get(usize::from(transform));
                     unknown(
                         name.map_or_else(|| format!("coordinate transform {transform}"), |n| (*n).to_owned()),
@@ -210,8 +298,12 @@ impl GeoKeys {
     }
 
     fn radius(&self) -> Option<String> {
-        let a = self.first_number(&[SEMI_MAJOR_AXIS])?;
-        let b = match (self.first_number(&[SEMI_MINOR_AXIS]), self.first_number(&[INVERSE_FLATTENING])) {
+        let unit_m = self.length_unit_m(GEOGRAPHIC_LINEAR_UNITS, GEOGRAPHIC_LINEAR_UNIT_SIZE)?;
+        let a = self.first_number(&[SEMI_MAJOR_AXIS])? * unit_m;
+        let b = match (
+            self.first_number(&[SEMI_MINOR_AXIS]).map(|b| b * unit_m),
+            self.first_number(&[INVERSE_FLATTENING]),
+        ) {
             (Some(b), _) if b > 0.0 => b,
             (_, Some(inverse)) if inverse != 0.0 => a * (1.0 - 1.0 / inverse),
             _ => a,
@@ -219,11 +311,13 @@ impl GeoKeys {
         Some(format!("+a={a} +b={b}"))
     }
 
-    fn projection_text(&self, transform: u16) -> Option<String> {
-        let (deg, unit_m) = (self.angular_unit_deg()?, self.linear_unit_m()?);
+    /// `None` for a projection that is not computed here.
+    fn projection_text(&self, transform: u16, path: &Path) -> Result<Option<String>, Error> {
+        let (deg, unit_m) = (self.angular_unit_deg(path)?, self.linear_unit_m(path)?);
         let angle = |keys: &[u16]| self.first_number(keys).map(|v| v * deg);
         let latitude = angle(&[NAT_ORIGIN_LAT, CENTER_LAT]);
-        let longitude = angle(&[STRAIGHT_POLE_LONG, NAT_ORIGIN_LONG, CENTER_LONG]).unwrap_or(0.0);
+        let longitude = angle(&[STRAIGHT_POLE_LONG, NAT_ORIGIN_LONG, CENTER_LONG]).unwrap_or(0.0)
+            + self.prime_meridian_deg(path)?;
         let scale = self.first_number(&[SCALE_AT_NAT_ORIGIN, SCALE_AT_CENTER]);
         let true_scale = angle(&[STD_PARALLEL_1]);
         let offsets = format!(
@@ -231,10 +325,11 @@ impl GeoKeys {
             self.first_number(&[FALSE_EASTING]).unwrap_or(0.0) * unit_m,
             self.first_number(&[FALSE_NORTHING]).unwrap_or(0.0) * unit_m,
         );
-        match transform {
-            15 => Some(format!("{} {offsets}", polar_text(latitude.or(true_scale)?, true_scale, scale))),
+        let centre = latitude.or(true_scale);
+        Ok(match transform {
+            15 => centre.map(|centre| format!("{} {offsets}", polar_text(centre, true_scale, scale))),
             14 | 16 => {
-                Some(format!("+proj=stere +lat_0={} +k={} {offsets}", latitude?, scale.unwrap_or(1.0)))
+                latitude.map(|lat| format!("+proj=stere +lat_0={lat} +k={} {offsets}", scale.unwrap_or(1.0)))
             }
             17 => Some(format!(
                 "+proj=eqc +lat_ts={} +lat_0={} {offsets}",
@@ -243,7 +338,7 @@ impl GeoKeys {
             )),
             21 => Some(format!("+proj=ortho +lat_0={} {offsets}", latitude.unwrap_or(0.0))),
             _ => None,
-        }
+        })
     }
 }
 

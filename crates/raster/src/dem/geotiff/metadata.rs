@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::dem::info::HeightUnit;
+use crate::tiff::sidecar::Sidecar;
 use std::path::Path;
 
 /// What the tag says about one band.
@@ -28,26 +29,34 @@ impl GdalMetadata {
             match item.attribute("role") {
                 Some("scale") => found.scale = number().filter(|v| *v != 0.0).unwrap_or(1.0),
                 Some("offset") => found.offset = number().unwrap_or(0.0),
-                Some("unittype") => found.unit = Some(text.to_owned()),
+                Some("unittype") => found.unit = Some(text.to_owned()).filter(|unit| !unit.is_empty()),
                 Some("description") => found.band_name = Some(text.to_owned()),
                 _ => {}
             }
         }
         found
     }
+
+    /// The same with what stands in the file beside, which GDAL believes first.
+    pub(super) fn overridden(mut self, sidecar: Option<&Sidecar>) -> Self {
+        if let Some(beside) = sidecar {
+            self.scale = beside.scale.unwrap_or(self.scale);
+            self.offset = beside.offset.unwrap_or(self.offset);
+            self.unit = beside.unit.clone().or(self.unit);
+            self.band_name = beside.band_name.clone().or(self.band_name);
+        }
+        self
+    }
 }
 
-/// The unit of a band; metres where the file says nothing.
-pub(super) fn height_unit(path: &Path, text: Option<&str>) -> Result<HeightUnit, Error> {
-    match text {
-        None | Some("") => Ok(HeightUnit::Metre),
-        Some(text) => HeightUnit::parse(text).ok_or_else(|| Error::Unsupported {
-            path: path.to_owned(),
-            what: "height unit",
-            found: text.to_owned(),
-            supported: "metres and kilometres",
-        }),
-    }
+/// The unit of a band.
+pub(super) fn height_unit(path: &Path, text: &str) -> Result<HeightUnit, Error> {
+    HeightUnit::parse(text).ok_or_else(|| Error::Unsupported {
+        path: path.to_owned(),
+        what: "height unit",
+        found: text.to_owned(),
+        supported: "metres and kilometres",
+    })
 }
 
 #[cfg(test)]
@@ -68,8 +77,8 @@ mod tests {
         assert_eq!((second.scale, second.offset), (1.0, 0.0));
         assert_eq!(second.band_name.as_deref(), Some("height"));
         let path = Path::new("x");
-        assert_eq!(height_unit(path, second.unit.as_deref()).unwrap(), HeightUnit::Kilometre);
-        assert!(height_unit(path, Some("US survey foot")).is_err());
+        assert_eq!(height_unit(path, second.unit.as_deref().unwrap()).unwrap(), HeightUnit::Kilometre);
+        assert!(height_unit(path, "US survey foot").is_err());
         assert_eq!(GdalMetadata::parse("<broken", 0).scale, 1.0);
     }
 }

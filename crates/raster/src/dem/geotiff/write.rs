@@ -1,14 +1,16 @@
 //! Writes float32 GeoTIFF and BigTIFF row by row.
 
-use super::chunk::{Compression, apply_float_predictor};
 use super::write_keys::geo_tags;
-use super::*;
-use crate::Affine;
+use crate::tiff::chunk::{Compression, apply_float_predictor};
+use crate::tiff::encode::{Tag, directory_bytes};
+use crate::tiff::rows::Span;
+use crate::tiff::tags::*;
+use crate::{Affine, Error};
 use rayon::prelude::*;
 use selenograph_files::FileDraft;
 use selenograph_geometry::proj_string::Crs;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Larger files than this need 64-bit offsets; the rest up to 4 GiB is left for tables and incompressible chunks.
 pub(super) const MAX_CLASSIC_BYTES: u64 = 4_000_000_000;
@@ -29,18 +31,20 @@ pub enum GeoTiffLayout {
 }
 
 /// How a GeoTIFF is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WriteOptions {
     /// Strips or tiles.
     pub layout: GeoTiffLayout,
     /// [`Compression::None`], or [`Compression::Deflate`] with the floating-point predictor.
     pub compression: Compression,
+    /// The number written where absent; NaN if `None`.
+    pub nodata: Option<f32>,
 }
 
 impl Default for WriteOptions {
     /// Tiles of 256, deflate.
     fn default() -> Self {
-        Self { layout: GeoTiffLayout::Tiles { side: 256 }, compression: Compression::Deflate }
+        Self { layout: GeoTiffLayout::Tiles { side: 256 }, compression: Compression::Deflate, nodata: None }
     }
 }
 
@@ -62,35 +66,6 @@ pub struct GeoTiffWriter {
     rows_done: usize,
     spans: Vec<Span>,
     position: u64,
-}
-
-/// A tag of the directory: number, type, count and value bytes.
-pub(super) struct Tag(pub(super) u16, pub(super) u16, pub(super) u64, pub(super) Vec<u8>);
-
-impl Tag {
-    pub(super) fn shorts(number: u16, values: &[u16]) -> Self {
-        Self(number, 3, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
-    }
-    pub(super) fn long(number: u16, value: u32) -> Self {
-        Self(number, 4, 1, value.to_le_bytes().to_vec())
-    }
-    pub(super) fn doubles(number: u16, values: &[f64]) -> Self {
-        Self(number, 12, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
-    }
-    pub(super) fn text(number: u16, text: &str) -> Self {
-        let bytes = [text.as_bytes(), b"\0"].concat();
-        Self(number, 2, bytes.len() as u64, bytes)
-    }
-    /// Offsets or sizes: 64 bits in a BigTIFF, else 32.
-    pub(super) fn places(number: u16, values: impl Iterator<Item = u64>, big: bool) -> Self {
-        let mut bytes = Vec::new();
-        let mut count = 0;
-        for value in values {
-            count += 1;
-            bytes.extend_from_slice(&value.to_le_bytes()[..if big { 8 } else { 4 }]);
-        }
-        Self(number, if big { 16 } else { 4 }, count, bytes)
-    }
 }
 
 impl GeoTiffWriter {
@@ -183,7 +158,8 @@ impl GeoTiffWriter {
     /// Appends whole rows.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for a broken row or more rows than the raster has; [`Error::Io`].
+    /// [`Error::SizeMismatch`] for a broken row or more rows than the raster has; [`Error::Encode`] for a height that is
+    /// the no-data number; [`Error::Io`].
     pub fn write_rows(&mut self, heights: &[f32]) -> Result<(), Error> {
         let rows = heights.len() / self.width;
         let pending = self.pending.len() / self.width;
@@ -194,6 +170,7 @@ impl GeoTiffWriter {
                 found: format!("{} samples at row {}", heights.len(), self.rows_done + pending),
             });
         }
+        refuse_nodata(heights, self.options.nodata)?;
         let mut rest = heights;
         while !rest.is_empty() {
             let band = self.chunk_height.min(self.height - self.rows_done) * self.width;
@@ -222,19 +199,21 @@ impl GeoTiffWriter {
         Ok(())
     }
 
-    /// The chunk whose first column is `left`, of the pending rows; tiles are filled up with NaN.
+    /// The chunk whose first column is `left`, of the pending rows; tiles are filled up with "absent".
     fn encode(&self, left: usize, rows: usize) -> std::io::Result<Vec<u8>> {
         let tiled = matches!(self.options.layout, GeoTiffLayout::Tiles { .. });
         let columns = self.chunk_width.min(self.width - left);
         let stored_rows = if tiled { self.chunk_height } else { rows };
         let mut bytes = Vec::with_capacity(stored_rows * self.chunk_width * 4);
-        let mut row = vec![f32::NAN; self.chunk_width];
+        let absent = self.options.nodata.unwrap_or(f32::NAN);
+        let mut row = vec![absent; self.chunk_width];
         for y in 0..stored_rows {
             if y < rows {
                 row[..columns].copy_from_slice(&self.pending[y * self.width + left..][..columns]);
             } else {
-                row.fill(f32::NAN);
+                row.fill(absent);
             }
+            row[..columns].iter_mut().filter(|v| v.is_nan()).for_each(|v| *v = absent);
             match self.options.compression {
                 Compression::Deflate => apply_float_predictor(&row, 1, &mut bytes),
                 _ => bytes.extend(row.iter().flat_map(|v| v.to_le_bytes())),
@@ -261,7 +240,15 @@ impl GeoTiffWriter {
             });
         }
         let tags = self.tags();
-        let directory = self.put_directory(tags)?;
+        // A directory begins at a word's border.
+        self.put(&[0; 8][..self.position.next_multiple_of(8) as usize - self.position as usize])?;
+        let directory = self.position;
+        let bytes = directory_bytes(tags, directory, 0, self.big);
+        if !self.big && directory + bytes.len() as u64 > u64::from(u32::MAX) {
+            let source = std::io::Error::other("incompressible samples: the file needs more than 4 GiB");
+            return Err(Error::Io { action: "write", path: self.path.clone(), source });
+        }
+        self.put(&bytes)?;
         let (place, width) = if self.big { (8, 8) } else { (4, 4) };
         self.file
             .seek(SeekFrom::Start(place))
@@ -286,7 +273,7 @@ impl GeoTiffWriter {
             Tag::shorts(SAMPLES_PER_PIXEL, &[1]),
             Tag::shorts(PLANAR_CONFIGURATION, &[1]),
             Tag::shorts(SAMPLE_FORMAT, &[3]),
-            Tag::text(GDAL_NODATA, "nan"),
+            Tag::text(GDAL_NODATA, &nodata_text(self.options.nodata)),
         ];
         if deflate {
             tags.push(Tag::shorts(PREDICTOR, &[3]));
@@ -305,46 +292,28 @@ impl GeoTiffWriter {
         tags.sort_by_key(|tag| tag.0);
         tags
     }
+}
 
-    /// Values that do not fit into their entry, then the directory; returns its place.
-    fn put_directory(&mut self, tags: Vec<Tag>) -> Result<u64, Error> {
-        let field = if self.big { 8 } else { 4 };
-        let mut table = Vec::new();
-        let number = |value: u64| value.to_le_bytes()[..field].to_vec();
-        for Tag(tag, kind, count, mut bytes) in tags.iter().map(|t| Tag(t.0, t.1, t.2, t.3.clone())) {
-            if bytes.len() <= field {
-                bytes.resize(field, 0);
-            } else {
-                // Values begin at a word's border.
-                if self.position % 2 == 1 {
-                    self.put(&[0])?;
-                }
-                let place = number(self.position);
-                self.put(&bytes)?;
-                bytes = place;
-            }
-            table.extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &number(count), &bytes].concat());
-        }
-        if self.position % 2 == 1 {
-            self.put(&[0])?;
-        }
-        let place = self.position;
-        if !self.big && place > u64::from(u32::MAX) - (table.len() as u64) {
-            let source = std::io::Error::other("incompressible samples: the file needs more than 4 GiB");
-            return Err(Error::Io { action: "write", path: self.path.clone(), source });
-        }
-        let count = (tags.len() as u64).to_le_bytes();
-        self.put(&count[..if self.big { 8 } else { 2 }])?;
-        self.put(&table)?;
-        self.put(&number(0))?;
-        Ok(place)
+/// The text of GDAL's no-data tag.
+pub(super) fn nodata_text(nodata: Option<f32>) -> String {
+    nodata.map_or_else(|| "nan".to_owned(), |value| value.to_string())
+}
+
+/// Refuses samples that would be taken for absent.
+pub(super) fn refuse_nodata(samples: &[f32], nodata: Option<f32>) -> Result<(), Error> {
+    match nodata {
+        Some(nodata) if samples.contains(&nodata) => Err(Error::Encode {
+            format: "GeoTIFF",
+            what: format!("a sample is {nodata}, the number that means absent; choose another"),
+        }),
+        _ => Ok(()),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dem::{DemReader, OpenOptions};
+    use crate::dem::{DemFormat, DemReader, OpenOptions};
     use selenograph_geometry::proj_string;
 
     #[test]
@@ -355,8 +324,11 @@ mod tests {
         let affine = Affine::north_up(0.0, 0.0, 5.0, 5.0);
         let heights: Vec<f32> = (0..40 * 30).map(|i| i as f32).collect();
         for (limit, big) in [(48 * 32 * 4, false), (48 * 32 * 4 - 1, true)] {
-            let options =
-                WriteOptions { layout: GeoTiffLayout::Tiles { side: 16 }, compression: Compression::None };
+            let options = WriteOptions {
+                layout: GeoTiffLayout::Tiles { side: 16 },
+                compression: Compression::None,
+                nodata: None,
+            };
             let mut writer =
                 GeoTiffWriter::create_within(limit, &path, 40, 30, &crs, &affine, options).unwrap();
             assert_eq!(writer.is_big(), big);
@@ -365,6 +337,29 @@ mod tests {
             let mut dem = DemReader::open(&path, &OpenOptions::default()).unwrap();
             assert_eq!(dem.info().format == DemFormat::BigTiff, big);
             assert_eq!(dem.read_all().unwrap().data, heights);
+        }
+    }
+
+    #[test]
+    fn a_no_data_number_stands_where_heights_are_absent() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.tif");
+        let crs = proj_string::parse("IAU_2015:30135").unwrap();
+        let affine = Affine::north_up(0.0, 0.0, 5.0, 5.0);
+        for compression in [Compression::None, Compression::Deflate] {
+            let layout = GeoTiffLayout::Strips { rows: 2 };
+            let options = WriteOptions { layout, compression, nodata: Some(-32_768.0) };
+            let mut writer = GeoTiffWriter::create(&path, 3, 1, &crs, &affine, options).unwrap();
+            assert!(matches!(writer.write_rows(&[1.0, -32_768.0, 2.0]), Err(Error::Encode { .. })));
+            writer.write_rows(&[1.0, f32::NAN, 3.0]).unwrap();
+            writer.finish().unwrap();
+            let mut dem = DemReader::open(&path, &OpenOptions::default()).unwrap();
+            assert_eq!(dem.info().nodata, [-32_768.0]);
+            let heights = dem.read_all().unwrap().data;
+            assert!(heights[1].is_nan() && heights[0] == 1.0 && heights[2] == 3.0);
+            // The number itself is in the file: programs that do not know NaN see it.
+            let other = OpenOptions { nodata: Some(3.0), ..OpenOptions::default() };
+            assert_eq!(DemReader::open(&path, &other).unwrap().read_all().unwrap().data[1], -32_768.0);
         }
     }
 }

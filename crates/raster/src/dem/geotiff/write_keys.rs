@@ -1,11 +1,8 @@
 //! Coordinate system → GeoKeys and transform tags.
 
-use super::write::Tag;
-use super::{
-    GEO_ASCII_PARAMS, GEO_DOUBLE_PARAMS, GEO_KEY_DIRECTORY, MODEL_PIXEL_SCALE, MODEL_TIEPOINT,
-    MODEL_TRANSFORMATION,
-};
 use crate::Affine;
+use crate::tiff::encode::Tag;
+use crate::tiff::tags::*;
 use selenograph_geometry::proj_string::Crs;
 use selenograph_geometry::{Pole, Projection};
 

@@ -29,6 +29,21 @@ impl Value {
         }
     }
 
+    /// The scalars of a list, or the scalar itself.
+    pub(crate) fn items(&self) -> Vec<&Value> {
+        match self {
+            Self::Scalar { .. } => vec![self],
+            Self::List(items) => items.iter().flat_map(Self::items).collect(),
+        }
+    }
+
+    fn set_unit(&mut self, of_list: &str) {
+        match self {
+            Self::Scalar { unit, .. } => drop(unit.get_or_insert_with(|| of_list.to_owned())),
+            Self::List(items) => items.iter_mut().for_each(|item| item.set_unit(of_list)),
+        }
+    }
+
     /// The number, decimal or with a radix (`16#FF7FFFFB#`, taken as an integer).
     pub(crate) fn number(&self) -> Option<f64> {
         let text = self.text();
@@ -180,18 +195,22 @@ impl Scanner<'_> {
         } else {
             self.take_while(|c| !c.is_whitespace() && !matches!(c, ',' | ')' | '}' | '<' | '=' | '\0'))
         };
-        let unit = if self.rest.trim_start_matches([' ', '\t']).starts_with('<') {
-            self.eat('<');
-            let (unit, rest) = self.rest.split_once('>')?;
-            self.rest = rest;
-            Some(unit.trim().to_owned())
-        } else {
-            None
-        };
+        let unit = self.unit()?;
         if text.is_empty() && !matches!(quote, '"' | '\'') {
             return None;
         }
         Some(Value::Scalar { text, unit })
+    }
+
+    /// A unit in angle brackets, which may stand on the next line; `None` outside if it does not end.
+    #[allow(clippy::option_option, reason = "no unit is no error")]
+    fn unit(&mut self) -> Option<Option<String>> {
+        if !self.eat('<') {
+            return Some(None);
+        }
+        let (unit, rest) = self.rest.split_once('>')?;
+        self.rest = rest;
+        Some(Some(unit.trim().to_owned()))
     }
 
     fn list(&mut self, level: usize) -> Option<Value> {
@@ -199,6 +218,10 @@ impl Scanner<'_> {
         let mut items = Vec::new();
         loop {
             if self.eat(')') || self.eat('}') {
+                // A unit behind the list is that of all its elements.
+                if let Some(unit) = self.unit()? {
+                    items.iter_mut().for_each(|item: &mut Value| item.set_unit(&unit));
+                }
                 return Some(Value::List(items));
             }
             items.push(self.value_at(level + 1)?);
@@ -231,10 +254,32 @@ mod tests {
     }
 
     #[test]
+    fn units_stand_after_lists_and_on_the_next_line() {
+        let label = parse(
+            "BANDWIDTH = (27.0, 28.0 <um>) <nm>\r\nCOEF = (0.1 <a>, 0.2\r\n   <b>)\r\nEXPOSURE = 0.1\r\n  /* c */ <ms>\r\n\
+             SET = {1,\r\n 2}\r\n <px>\r\nEND\r\n",
+        )
+        .unwrap();
+        let units = |key: &str| label.get(key).unwrap().items().iter().map(|v| v.unit()).collect::<Vec<_>>();
+        assert_eq!(units("BANDWIDTH"), [Some("nm"), Some("um")]);
+        assert_eq!(units("COEF"), [Some("a"), Some("b")]);
+        assert_eq!((units("EXPOSURE"), units("SET")), (vec![Some("ms")], vec![Some("px"); 2]));
+    }
+
+    #[test]
     fn unfinished_labels_are_refused() {
-        for text in
-            ["", "A", "A =", "A = \"x", "A = (1, 2", "OBJECT = X\nA = 1\nEND\n", "A = 1\n", "END_OBJECT\nEND"]
-        {
+        for text in [
+            "",
+            "A",
+            "A =",
+            "A = \"x",
+            "A = (1, 2",
+            "A = 1 <km",
+            "A = (1) <km",
+            "OBJECT = X\nA = 1\nEND\n",
+            "A = 1\n",
+            "END_OBJECT\nEND",
+        ] {
             assert!(parse(text).is_err(), "{text:?}");
         }
     }

@@ -99,6 +99,10 @@ fn crs_of(keys: &Keywords, radius_m: f64) -> Result<Crs, Error> {
     }
     let name = keys.block.get("MAP_PROJECTION_TYPE").map_or("", Value::text);
     let text = match name.to_ascii_uppercase().replace(['_', ' '], "").as_str() {
+        // A centre that is not the pole is the latitude of true scale, as ISIS has it.
+        "POLARSTEREOGRAPHIC" if lat != 0.0 && lat.abs() < 90.0 => {
+            format!("+proj=stere +lat_0={} +lat_ts={lat}", 90f64.copysign(lat))
+        }
         "POLARSTEREOGRAPHIC" | "STEREOGRAPHIC" => format!("+proj=stere +lat_0={lat}"),
         // In PDS3 the centre latitude of an equirectangular map is that of true scale; y counts from the equator.
         "EQUIRECTANGULAR" => format!("+proj=eqc +lat_ts={lat}"),
@@ -145,22 +149,39 @@ fn scale_m(keys: &Keywords, radius_m: f64) -> Result<f64, Error> {
     }
 }
 
+/// How the place of the projection's origin along an axis was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Counted {
+    /// By the rule of the data dictionary, which bounds or symmetry confirm.
+    ByRule,
+    /// By the bounds, against the rule.
+    ByBounds,
+    /// By the rule, which nothing confirms.
+    Untold,
+}
+
 /// Corner-based raster coordinate of the projection's origin along one axis.
 ///
 /// By the data dictionary the offset counts pixels from the centre of the first one; products have come to count
 /// from its corner, from a pixel numbered 1, or with the other sign. Where the label's bounds tell, they decide:
 /// `bounds` is (offset of the first bound from the origin in pixels, extent in pixels, pixels per turn).
-fn origin_px(offset: f64, bounds: Option<(f64, f64, Option<f64>)>, count: usize) -> Result<(f64, bool), f64> {
+fn origin_px(
+    offset: f64,
+    bounds: Option<(f64, f64, Option<f64>)>,
+    count: usize,
+) -> Result<(f64, Counted), f64> {
     let standard = offset + HALF_PIXEL;
-    let Some((first_px, extent_px, turn_px)) = bounds else { return Ok((standard, false)) };
     let count = count as f64;
+    // An origin that the rule puts into the very middle is no accident.
+    let by_rule = if (standard - count / 2.0).abs() < 1e-6 { Counted::ByRule } else { Counted::Untold };
+    let Some((first_px, extent_px, turn_px)) = bounds else { return Ok((standard, by_rule)) };
     // Bounds of the outer edges, or of the outermost centres.
     let edge = if (extent_px - count).abs() < BOUNDS_TOLERANCE_PX {
         0.0
     } else if (extent_px - (count - 1.0)).abs() < BOUNDS_TOLERANCE_PX {
         HALF_PIXEL
     } else {
-        return Ok((standard, false));
+        return Ok((standard, by_rule));
     };
     let wanted = edge - first_px;
     let miss = |origin: f64| {
@@ -171,7 +192,8 @@ fn origin_px(offset: f64, bounds: Option<(f64, f64, Option<f64>)>, count: usize)
         for shift in [HALF_PIXEL, 0.0, -HALF_PIXEL] {
             let origin = sign * offset + shift;
             if miss(origin).abs() < BOUNDS_TOLERANCE_PX {
-                return Ok((origin, origin != standard));
+                let rule = if origin == standard { Counted::ByRule } else { Counted::ByBounds };
+                return Ok((origin, rule));
             }
         }
     }
@@ -205,11 +227,16 @@ pub(super) fn read(
     let mut notes = Vec::new();
     let mut axis = |key: &str, bounds, count| -> Result<f64, Error> {
         match origin_px(keys.needed(key)?, bounds, count) {
-            Ok((origin, by_bounds)) => {
-                if by_bounds {
-                    notes.push(format!(
+            Ok((origin, counted)) => {
+                match counted {
+                    Counted::ByRule => {}
+                    Counted::ByBounds => notes.push(format!(
                         "{key} is not counted from the first pixel's centre: the bounds decided"
-                    ));
+                    )),
+                    Counted::Untold => notes.push(format!(
+                        "{key} is taken to count from the first pixel's centre, as PDS3 has it; the label does not tell \
+                         (from its edge the map lay half a pixel off)"
+                    )),
                 }
                 Ok(origin)
             }
@@ -251,23 +278,26 @@ fn cylindrical_bounds(
 
 #[cfg(test)]
 mod tests {
+    use super::Counted::{ByBounds, ByRule, Untold};
     use super::*;
 
     #[test]
     fn offsets_are_counted_from_the_first_centre_unless_bounds_tell_otherwise() {
         // ldem_4: 720 lines of a quarter degree, equator between lines 360 and 361.
         let rows = Some((-360.0, 720.0, None));
-        assert_eq!(origin_px(359.5, rows, 720), Ok((360.0, false)));
-        assert_eq!(origin_px(359.5, None, 720), Ok((360.0, false)));
-        assert_eq!(origin_px(360.0, rows, 720), Ok((360.0, true)));
-        assert_eq!(origin_px(360.5, rows, 720), Ok((360.0, true)));
-        assert_eq!(origin_px(-360.0, rows, 720), Ok((360.0, true)));
+        assert_eq!(origin_px(359.5, rows, 720), Ok((360.0, ByRule)));
+        assert_eq!(origin_px(359.5, None, 720), Ok((360.0, ByRule)));
+        assert_eq!(origin_px(360.0, rows, 720), Ok((360.0, ByBounds)));
+        assert_eq!(origin_px(360.5, rows, 720), Ok((360.0, ByBounds)));
+        assert_eq!(origin_px(-360.0, rows, 720), Ok((360.0, ByBounds)));
+        assert_eq!(origin_px(12.5, None, 720), Ok((13.0, Untold)));
+        assert_eq!(origin_px(12.5, Some((-361.0, 722.0, None)), 720), Ok((13.0, Untold)));
         // Bounds of the outermost centres (one pixel less of extent) say the same.
-        assert_eq!(origin_px(359.5, Some((-359.5, 719.0, None)), 720), Ok((360.0, false)));
+        assert_eq!(origin_px(359.5, Some((-359.5, 719.0, None)), 720), Ok((360.0, ByRule)));
         // Rounded bounds decide nothing; exact ones elsewhere are a contradiction.
-        assert_eq!(origin_px(359.5, Some((-361.0, 722.0, None)), 720), Ok((360.0, false)));
+        assert_eq!(origin_px(359.5, Some((-361.0, 722.0, None)), 720), Ok((360.0, ByRule)));
         assert_eq!(origin_px(359.5, Some((-350.0, 720.0, None)), 720), Err(10.0));
         // A turn of longitude makes no difference.
-        assert_eq!(origin_px(719.5, Some((720.0, 1440.0, Some(1440.0))), 1440), Ok((720.0, false)));
+        assert_eq!(origin_px(719.5, Some((720.0, 1440.0, Some(1440.0))), 1440), Ok((720.0, ByRule)));
     }
 }

@@ -4,12 +4,12 @@ pub(crate) mod label;
 mod map;
 
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
-use super::raw::{Interleave, RawLayout, RawPicture, RawRows};
-use super::sample::{ByteOrder, HeightLaw, SampleType};
-use super::{Opened, RowSource, find_beside};
-use crate::Error;
+use super::opened::{Opened, RowSource};
+use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn, of_band};
+use crate::file::find_beside;
+use crate::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::{Error, file};
 use label::{Block, Value};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +22,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> 
     let (data_path, offset) = image_place(path, &label)?;
     let layout = raw_layout(path, image, offset)?;
     let band_idx = options.band_idx(path, layout.num_bands)?;
+    let turn = turn(path, &label, image)?;
+    if !turn.is_none() {
+        return Err(Error::Unsupported {
+            path: path.to_owned(),
+            what: "display direction of a map",
+            found: turn.note().unwrap_or_default(),
+            supported: "lines downwards, samples to the right: what its offsets count from is not said otherwise",
+        });
+    }
     let rows = RawRows::open(&data_path, &layout, band_idx)?;
 
     let map = label.find_block("IMAGE_MAP_PROJECTION").ok_or_else(|| Error::NoGeoreference {
@@ -32,8 +41,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Opened, Error> 
     let map = map::read(map, path, layout.width, layout.height, given)?;
     let crs = turned_to_raster(map.crs, &map.map_from_pixel, layout.width, layout.height);
 
-    let scale = image.get("SCALING_FACTOR").and_then(Value::number).filter(|v| *v != 0.0).unwrap_or(1.0);
-    let file_offset = image.get("OFFSET").and_then(Value::number).unwrap_or(0.0);
+    let (scales, offsets) = factors(path, image, layout.num_bands)?;
+    let (scale, file_offset) = (of_band(&scales, band_idx, 1.0), of_band(&offsets, band_idx, 0.0));
     let unit = match options.height_unit {
         Some(unit) => unit,
         None => height_unit(path, image, file_offset, crs.body.radius_m)?,
@@ -83,10 +92,12 @@ pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
         notes.push("raw counts, companded to 8 bits: grey levels are not linear in radiance".to_owned());
     }
     let mask = image.get("SAMPLE_BIT_MASK").and_then(Value::bits).filter(|mask| *mask > 0);
+    let (scale, offset) = factors(path, image, layout.num_bands)?;
     Ok(RawPicture {
         data_path,
-        scale: image.get("SCALING_FACTOR").and_then(Value::number).filter(|v| *v != 0.0).unwrap_or(1.0),
-        offset: image.get("OFFSET").and_then(Value::number).unwrap_or(0.0),
+        scale,
+        offset,
+        turn: turn(path, &label, image)?,
         nodata: nodata(image, layout.sample_type),
         white: mask.filter(|_| !layout.sample_type.is_float()).map(|mask| mask as f64),
         layout,
@@ -96,8 +107,20 @@ pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
 
 /// The label's IMAGE object, unless the image is encoded.
 fn uncompressed_image<'a>(path: &Path, label: &'a Block) -> Result<&'a Block, Error> {
-    let image =
-        label.find_block("IMAGE").ok_or_else(|| malformed(path, "label", "an IMAGE object", "none"))?;
+    let Some(image) = label.find_block("IMAGE") else {
+        let pointers = label.entries.iter().filter_map(|(key, _)| key.strip_prefix('^'));
+        let objects: Vec<&str> =
+            pointers.chain(label.blocks.iter().map(|block| block.name.as_str())).collect();
+        return Err(match objects.first() {
+            None => malformed(path, "label", "an IMAGE object", "none"),
+            Some(object) => Error::Unsupported {
+                path: path.to_owned(),
+                what: "object",
+                found: (*object).to_owned(),
+                supported: "IMAGE; gdal_translate turns cubes into GeoTIFF",
+            },
+        });
+    };
     if let Some(encoding) = image.get("ENCODING_TYPE").or_else(|| label.find("ENCODING_TYPE"))
         && !matches!(encoding.text().to_ascii_uppercase().as_str(), "N/A" | "NONE")
     {
@@ -118,7 +141,7 @@ fn malformed(path: &Path, what: &str, expected: &str, found: impl ToString) -> E
 
 fn read_label(path: &Path) -> Result<Block, Error> {
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
+    let (file, _) = file::open(path).map_err(Error::io("open", path))?;
     file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
     // Latin-1: every byte is a character, so an attached image does no harm.
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();
@@ -240,35 +263,74 @@ fn height_unit(path: &Path, image: &Block, offset: f64, radius_m: f64) -> Result
     })
 }
 
+/// `SCALING_FACTOR` and `OFFSET`: one number for all bands, or a list with one for each.
+fn factors(path: &Path, image: &Block, num_bands: usize) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let list = |key: &str, default: f64| {
+        let Some(value) = image.get(key) else { return Ok(vec![default]) };
+        let items = value.items();
+        if items.len() != 1 && items.len() != num_bands {
+            return Err(malformed(path, key, &format!("1 or {num_bands} numbers"), items.len()));
+        }
+        Ok(items.into_iter().map(|item| item.number().unwrap_or(default)).collect())
+    };
+    let mut scales: Vec<f64> = list("SCALING_FACTOR", 1.0)?;
+    scales.iter_mut().filter(|scale| **scale == 0.0).for_each(|scale| *scale = 1.0);
+    Ok((scales, list("OFFSET", 0.0)?))
+}
+
+/// `LINE_DISPLAY_DIRECTION` and `SAMPLE_DISPLAY_DIRECTION`: down and to the right where the label does not say.
+fn turn(path: &Path, label: &Block, image: &Block) -> Result<Turn, Error> {
+    let word = |key: &str, default: &str| {
+        let text = image.get(key).or_else(|| label.find(key)).map_or("", Value::text).to_ascii_uppercase();
+        if matches!(text.as_str(), "" | "N/A" | "UNK" | "NULL" | "NONE") { default.to_owned() } else { text }
+    };
+    let lines = word("LINE_DISPLAY_DIRECTION", "DOWN");
+    let samples = word("SAMPLE_DISPLAY_DIRECTION", "RIGHT");
+    Turn::from_words(&lines, &samples).ok_or_else(|| Error::Unsupported {
+        path: path.to_owned(),
+        what: "display direction",
+        found: format!("lines {lines}, samples {samples}"),
+        supported: "one of them UP or DOWN, the other LEFT or RIGHT",
+    })
+}
+
 /// The stored numbers that mean "absent"; hexadecimal ones are the bits of a float where samples are floats.
 fn nodata(image: &Block, sample_type: SampleType) -> Vec<f64> {
-    const KEYS: [&str; 11] = [
+    const KEYS: [&str; 22] = [
         "MISSING_CONSTANT",
         "MISSING",
+        "MISSING_VALUE",
         "INVALID_CONSTANT",
+        "INVALID_VALUE",
+        "INVALID",
         "NULL",
+        "NULL_CONSTANT",
+        "UNKNOWN_CONSTANT",
         "CORE_NULL",
         "DUMMY_DATA",
+        "DUMMY_VALUE",
+        "OUT_OF_IMAGE_BOUNDS_VALUE",
         "CORE_LOW_REPR_SATURATION",
         "CORE_LOW_INSTR_SATURATION",
         "CORE_HIGH_REPR_SATURATION",
         "CORE_HIGH_INSTR_SATURATION",
+        "LOW_REPR_SATURATION",
+        "LOW_INSTR_SATURATION",
+        "HIGH_REPR_SATURATION",
+        "HIGH_INSTR_SATURATION",
         "NOT_APPLICABLE_CONSTANT",
     ];
     let number = |value: &Value| match (value.bits(), sample_type) {
         (Some(bits), SampleType::F32) => Some(f64::from(f32::from_bits(bits as u32))),
         (Some(bits), SampleType::F64) => Some(f64::from_bits(bits)),
+        (Some(bits), SampleType::I8) => Some(f64::from(bits as u8 as i8)),
         (Some(bits), SampleType::I16) => Some(f64::from(bits as u16 as i16)),
         (Some(bits), SampleType::I32) => Some(f64::from(bits as u32 as i32)),
         _ => value.number(),
     };
     let mut values: Vec<f64> = Vec::new();
-    for value in KEYS.iter().filter_map(|key| image.get(key)) {
-        let found = match value {
-            Value::Scalar { .. } => number(value),
-            Value::List(items) => items.first().and_then(number),
-        };
-        values.extend(found.filter(|v| !values.contains(v)));
+    for item in KEYS.iter().filter_map(|key| image.get(key)).flat_map(Value::items) {
+        values.extend(number(item).filter(|v| !values.contains(v)));
     }
     values
 }

@@ -1,8 +1,8 @@
 //! One size of the picture: rows come in, compressed tiles go into a temporary file.
 
-use super::super::chunk::apply_float_predictor;
-use super::{ByteOverviews, CogOptions, CogSamples};
+use super::options::{ByteOverviews, CogOptions, CogSamples};
 use crate::Error;
+use crate::tiff::chunk::apply_float_predictor;
 use rayon::prelude::*;
 use selenograph_files::FileDraft;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};

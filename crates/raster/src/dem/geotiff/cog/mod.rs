@@ -8,108 +8,22 @@
 //! OGC 21-026 "OGC Cloud Optimized GeoTIFF standard"; the ghost area (block leaders and trailers) after the documentation
 //! of GDAL's COG driver.
 
-mod directory;
+mod header;
 mod level;
+mod options;
 
-use super::write::{MAX_CLASSIC_BYTES, Tag};
+pub use options::{ByteOverviews, CogBand, CogOptions, CogPlace, CogSamples};
+
+use super::write::{MAX_CLASSIC_BYTES, nodata_text, refuse_nodata};
 use super::write_keys::{geo_tags, local_tags};
-use super::*;
-use crate::{Affine, Raster};
-use directory::{GHOST_AREA, directory_bytes, directory_size};
+use crate::tiff::encode::{Tag, directory_bytes, directory_size};
+use crate::tiff::tags::*;
+use crate::{Error, Raster};
+use header::GHOST_AREA;
 use level::Level;
 use selenograph_files::FileDraft;
-use selenograph_geometry::proj_string::Crs;
 use std::io::{BufWriter, Write};
-use std::path::PathBuf;
-
-/// Where a raster lies.
-#[derive(Debug, Clone, PartialEq)]
-pub enum CogPlace {
-    /// On a body's map.
-    Map {
-        /// Body and projection.
-        crs: Crs,
-        /// Corner-based pixels → map units.
-        map_from_pixel: Affine,
-    },
-    /// On a grid of its own that is not tied to a body. It is written as an engineering (local) system with a name:
-    /// unlike a file without any system, GIS programs then know its unit, measure in it, and do not place it on the Earth.
-    Local {
-        /// What the grid is, for people (ASCII).
-        name: String,
-        /// Whether its unit is a metre; else the unit stays undefined.
-        metric: bool,
-        /// Corner-based pixels → grid units.
-        local_from_pixel: Affine,
-    },
-}
-
-/// How samples are stored. In memory they are f32, NaN where absent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum CogSamples {
-    /// 32-bit float with the floating-point predictor; overviews average what is there.
-    Float32 {
-        /// The number written where absent; NaN if `None`.
-        nodata: Option<f32>,
-    },
-    /// One byte, for whole numbers from 0 to 255 such as classes.
-    Byte {
-        /// The number written where absent.
-        nodata: u8,
-        /// What overviews show.
-        overviews: ByteOverviews,
-    },
-}
-
-/// What a cell of an overview of bytes shows of its four cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ByteOverviews {
-    /// The most frequent value that is there; of equally frequent ones the first, row by row.
-    Mode,
-    /// The largest value that is there: a hazard does not vanish in an overview.
-    Largest,
-}
-
-/// A band's name and unit as GIS programs show them.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CogBand {
-    /// For example `height`.
-    pub name: String,
-    /// For example `m`; empty if there is none.
-    pub unit: String,
-}
-
-impl CogBand {
-    /// From its name and unit.
-    pub fn new(name: &str, unit: &str) -> Self {
-        Self { name: name.to_owned(), unit: unit.to_owned() }
-    }
-}
-
-/// What is written.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CogOptions {
-    /// Side of a tile: a multiple of 16.
-    pub tile_side: usize,
-    /// How samples are stored.
-    pub samples: CogSamples,
-    /// The bands, at least one.
-    pub bands: Vec<CogBand>,
-}
-
-impl CogOptions {
-    /// One band of 32-bit floats, NaN where absent, tiles of 512.
-    pub fn float(name: &str, unit: &str) -> Self {
-        let bands = vec![CogBand::new(name, unit)];
-        Self { tile_side: 512, samples: CogSamples::Float32 { nodata: None }, bands }
-    }
-
-    /// One band of classes, tiles of 512.
-    pub fn classes(name: &str, nodata: u8, overviews: ByteOverviews) -> Self {
-        let bands = vec![CogBand::new(name, "")];
-        Self { tile_side: 512, samples: CogSamples::Byte { nodata, overviews }, bands }
-    }
-}
+use std::path::{Path, PathBuf};
 
 /// A cloud-optimised GeoTIFF being written from the top. The file gets its name in [`CogWriter::finish`].
 ///
@@ -180,7 +94,7 @@ impl CogWriter {
     ///
     /// # Errors
     /// [`Error::SizeMismatch`] for a broken row or more rows than the raster has; [`Error::Encode`] for a number that
-    /// a byte cannot hold; [`Error::Io`].
+    /// a byte cannot hold or that means absent; [`Error::Io`].
     pub fn write_rows(&mut self, samples: &[f32]) -> Result<(), Error> {
         let (row_len, height) = (self.levels[0].row_len(), self.levels[0].height);
         let rows = samples.len() / row_len;
@@ -190,6 +104,9 @@ impl CogWriter {
                 expected: format!("whole rows of {row_len}, {height} in all"),
                 found: format!("{} samples at row {}", samples.len(), self.levels[0].num_rows_seen()),
             });
+        }
+        if let CogSamples::Float32 { nodata } = self.options.samples {
+            refuse_nodata(samples, nodata)?;
         }
         for row in samples.chunks_exact(row_len) {
             let mut row = std::borrow::Cow::Borrowed(row);
@@ -230,7 +147,7 @@ impl CogWriter {
 
     /// Where the samples begin.
     fn directories_end(&self, big: bool) -> u64 {
-        let mut end = directory::first_place(big);
+        let mut end = header::first_place(big);
         for idx in 0..self.levels.len() {
             end += directory_size(&self.tags(idx, 0, big), big);
         }
@@ -239,10 +156,10 @@ impl CogWriter {
 
     fn assemble(&mut self, draft: &mut FileDraft, big: bool) -> std::io::Result<()> {
         let mut file = BufWriter::with_capacity(1 << 20, draft);
-        let first = directory::first_place(big);
-        file.write_all(&directory::header(big))?;
+        let first = header::first_place(big);
+        file.write_all(&header::header(big))?;
         file.write_all(GHOST_AREA.as_bytes())?;
-        file.write_all(&vec![0; first as usize - directory::header(big).len() - GHOST_AREA.len()])?;
+        file.write_all(&vec![0; first as usize - header::header(big).len() - GHOST_AREA.len()])?;
         // Samples follow from the smallest level to the full size.
         let mut starts = vec![0; self.levels.len()];
         let mut at = self.directories_end(big);
@@ -271,9 +188,7 @@ impl CogWriter {
         let side = self.options.tile_side as u32;
         let repeated = |value: u16| vec![value; num_bands];
         let (bits, format, predictor, nodata) = match self.options.samples {
-            CogSamples::Float32 { nodata } => {
-                (32, 3, 3, nodata.map_or_else(|| "nan".to_owned(), |v| v.to_string()))
-            }
+            CogSamples::Float32 { nodata } => (32, 3, 3, nodata_text(nodata)),
             CogSamples::Byte { nodata, .. } => (8, 1, 1, nodata.to_string()),
         };
         let mut tags = vec![
@@ -296,7 +211,7 @@ impl CogWriter {
         ];
         if num_bands > 1 {
             // Extra samples of no special meaning.
-            tags.push(Tag::shorts(338, &vec![0; num_bands - 1]));
+            tags.push(Tag::shorts(EXTRA_SAMPLES, &vec![0; num_bands - 1]));
         }
         if idx == 0 {
             tags.push(Tag::text(GDAL_METADATA, &metadata_xml(&self.options.bands)));

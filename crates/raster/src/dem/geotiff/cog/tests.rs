@@ -1,4 +1,5 @@
 use super::*;
+use crate::Affine;
 use crate::codec::picture::read_picture;
 use crate::dem::{DemFormat, DemReader, OpenOptions};
 use selenograph_geometry::proj_string;

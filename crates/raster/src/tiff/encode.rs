@@ -1,31 +1,32 @@
-//! The header, the ghost area and the directories, whose places are known before any of them is written.
+//! Directories as bytes: their size is known before their place, and their place before they are written.
 
-use super::super::write::Tag;
+/// A tag of the directory: number, type, count and value bytes.
+pub(crate) struct Tag(pub(crate) u16, pub(crate) u16, pub(crate) u64, pub(crate) Vec<u8>);
 
-/// What GDAL looks for behind the header: that tiles are in order, each between its size and a repeat of its last bytes,
-/// so that a tile is read with one request. The number counts the bytes after the first line.
-pub(super) const GHOST_AREA: &str = "GDAL_STRUCTURAL_METADATA_SIZE=000140 bytes\nLAYOUT=IFDS_BEFORE_DATA\n\
-    BLOCK_ORDER=ROW_MAJOR\nBLOCK_LEADER=SIZE_AS_UINT4\nBLOCK_TRAILER=LAST_4_BYTES_REPEATED\n\
-    KNOWN_INCOMPATIBLE_EDITION=NO\n ";
-
-/// The header, with the place of the first directory.
-pub(super) fn header(big: bool) -> Vec<u8> {
-    let place = first_place(big);
-    let mut bytes = b"II".to_vec();
-    if big {
-        bytes.extend([43, 0, 8, 0, 0, 0]);
-        bytes.extend(place.to_le_bytes());
-    } else {
-        bytes.extend([42, 0]);
-        bytes.extend((place as u32).to_le_bytes());
+impl Tag {
+    pub(crate) fn shorts(number: u16, values: &[u16]) -> Self {
+        Self(number, 3, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
     }
-    bytes
-}
-
-/// Where the first directory lies: behind header and ghost area, at an even place.
-pub(super) fn first_place(big: bool) -> u64 {
-    let header = if big { 16 } else { 8 };
-    (header + GHOST_AREA.len() as u64).next_multiple_of(8)
+    pub(crate) fn long(number: u16, value: u32) -> Self {
+        Self(number, 4, 1, value.to_le_bytes().to_vec())
+    }
+    pub(crate) fn doubles(number: u16, values: &[f64]) -> Self {
+        Self(number, 12, values.len() as u64, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+    }
+    pub(crate) fn text(number: u16, text: &str) -> Self {
+        let bytes = [text.as_bytes(), b"\0"].concat();
+        Self(number, 2, bytes.len() as u64, bytes)
+    }
+    /// Offsets or sizes: 64 bits in a BigTIFF, else 32.
+    pub(crate) fn places(number: u16, values: impl Iterator<Item = u64>, big: bool) -> Self {
+        let mut bytes = Vec::new();
+        let mut count = 0;
+        for value in values {
+            count += 1;
+            bytes.extend_from_slice(&value.to_le_bytes()[..if big { 8 } else { 4 }]);
+        }
+        Self(number, if big { 16 } else { 4 }, count, bytes)
+    }
 }
 
 /// Bytes of an offset, a count and a value in an entry.
@@ -38,14 +39,14 @@ fn table_size(num_tags: usize, big: bool) -> u64 {
 }
 
 /// Bytes of a directory with the values that do not fit into it, up to the next multiple of 8.
-pub(super) fn directory_size(tags: &[Tag], big: bool) -> u64 {
+pub(crate) fn directory_size(tags: &[Tag], big: bool) -> u64 {
     let values = tags.iter().map(|tag| tag.3.len()).filter(|len| *len > field(big));
     let values: u64 = values.map(|len| (len as u64).next_multiple_of(8)).sum();
     table_size(tags.len(), big).next_multiple_of(8) + values
 }
 
 /// A directory at `place`, its values behind it.
-pub(super) fn directory_bytes(tags: Vec<Tag>, place: u64, next: u64, big: bool) -> Vec<u8> {
+pub(crate) fn directory_bytes(tags: Vec<Tag>, place: u64, next: u64, big: bool) -> Vec<u8> {
     let field = field(big);
     let number = |value: u64| value.to_le_bytes()[..field].to_vec();
     let size = directory_size(&tags, big) as usize;
@@ -68,15 +69,4 @@ pub(super) fn directory_bytes(tags: Vec<Tag>, place: u64, next: u64, big: bool) 
     bytes.extend(values);
     debug_assert_eq!(bytes.len(), size);
     bytes
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ghost_area_counts_its_bytes() {
-        let (_, rest) = GHOST_AREA.split_once('\n').unwrap();
-        assert_eq!(rest.len(), 140);
-    }
 }

@@ -3,56 +3,58 @@
 use super::chunk::{Compression, Predictor, decompress, undo_predictor};
 use super::directory::TiffFile;
 use crate::Error;
-use crate::dem::sample::{ByteOrder, HeightLaw, SampleType};
+use crate::sample::{ByteOrder, HeightLaw, SampleType};
 use rayon::prelude::*;
 
 /// Fewer rows than this are not worth waking the thread pool for; thin strips are decoded in groups.
-pub(super) const MIN_GROUP_ROWS: usize = 64;
+pub(crate) const MIN_GROUP_ROWS: usize = 64;
 
 /// Where a chunk lies in the file. No bytes: a chunk that was never written (all absent).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Span {
-    pub(super) offset: u64,
-    pub(super) len: u64,
+pub(crate) struct Span {
+    pub(crate) offset: u64,
+    pub(crate) len: u64,
 }
 
 /// How one band's samples are cut into chunks.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct ChunkLayout {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) chunk_width: usize,
-    pub(super) chunk_height: usize,
-    pub(super) tiled: bool,
-    pub(super) spans: Vec<Span>,
-    pub(super) num_interleaved: usize,
-    pub(super) interleaved_idx: usize,
-    pub(super) sample_type: SampleType,
-    pub(super) order: ByteOrder,
-    pub(super) compression: Compression,
-    pub(super) predictor: Predictor,
+pub(crate) struct ChunkLayout {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) chunk_width: usize,
+    pub(crate) chunk_height: usize,
+    pub(crate) tiled: bool,
+    pub(crate) spans: Vec<Span>,
+    pub(crate) num_interleaved: usize,
+    pub(crate) interleaved_idx: usize,
+    pub(crate) sample_type: SampleType,
+    pub(crate) order: ByteOrder,
+    /// Whether the bits of each byte in the file stand the other way round (FillOrder 2).
+    pub(crate) bits_reversed: bool,
+    pub(crate) compression: Compression,
+    pub(crate) predictor: Predictor,
 }
 
 impl ChunkLayout {
-    pub(super) fn across(&self) -> usize {
+    pub(crate) fn across(&self) -> usize {
         self.width.div_ceil(self.chunk_width)
     }
 
-    pub(super) fn down(&self) -> usize {
+    pub(crate) fn down(&self) -> usize {
         self.height.div_ceil(self.chunk_height)
     }
 
-    pub(super) fn row_bytes(&self) -> usize {
+    pub(crate) fn row_bytes(&self) -> usize {
         self.chunk_width * self.num_interleaved * self.sample_type.size()
     }
 
     /// Rows of chunk row `down_idx` that lie inside the image.
-    fn rows_inside(&self, down_idx: usize) -> usize {
+    pub(crate) fn rows_inside(&self, down_idx: usize) -> usize {
         self.chunk_height.min(self.height - down_idx * self.chunk_height)
     }
 
     /// Cuts thick uncompressed strips into thin ones, so that one strip for the whole image is not one piece.
-    pub(super) fn with_thin_strips(mut self) -> Self {
+    pub(crate) fn with_thin_strips(mut self) -> Self {
         if self.tiled || self.compression != Compression::None || self.chunk_height <= MIN_GROUP_ROWS {
             return self;
         }
@@ -80,9 +82,12 @@ impl ChunkLayout {
         &self,
         down_idx: usize,
         across_idx: usize,
-        packed: Vec<u8>,
+        mut packed: Vec<u8>,
         law: &HeightLaw,
     ) -> Result<Vec<f32>, String> {
+        if self.bits_reversed {
+            packed.iter_mut().for_each(|byte| *byte = byte.reverse_bits());
+        }
         let inside = self.rows_inside(down_idx);
         let columns = self.chunk_width.min(self.width - across_idx * self.chunk_width);
         if packed.is_empty() {
@@ -103,7 +108,7 @@ impl ChunkLayout {
 
 /// Reads rows of one band.
 #[derive(Debug)]
-pub(in crate::dem) struct TiffRows {
+pub(crate) struct TiffRows {
     tiff: TiffFile,
     layout: ChunkLayout,
     /// Chunk rows decoded at once.
@@ -113,18 +118,13 @@ pub(in crate::dem) struct TiffRows {
 }
 
 impl TiffRows {
-    pub(super) fn new(tiff: TiffFile, layout: ChunkLayout) -> Self {
+    pub(crate) fn new(tiff: TiffFile, layout: ChunkLayout) -> Self {
         let group = (MIN_GROUP_ROWS / layout.chunk_height).max(1);
         Self { tiff, layout, group, cached: None, cache: Vec::new() }
     }
 
     /// Rows `first..` into `out`, as many as it has room for.
-    pub(in crate::dem) fn read(
-        &mut self,
-        first: usize,
-        law: &HeightLaw,
-        out: &mut [f32],
-    ) -> Result<(), Error> {
+    pub(crate) fn read(&mut self, first: usize, law: &HeightLaw, out: &mut [f32]) -> Result<(), Error> {
         let width = self.layout.width;
         let group_rows = self.group * self.layout.chunk_height;
         let end = first + out.len() / width;
@@ -141,6 +141,11 @@ impl TiffRows {
             row += count;
         }
         Ok(())
+    }
+
+    /// Drops what is decoded: for another law.
+    pub(crate) fn forget(&mut self) {
+        self.cached = None;
     }
 
     fn load(&mut self, group_idx: usize, law: &HeightLaw) -> Result<(), Error> {

@@ -1,10 +1,12 @@
 //! The bands of a TIFF as a picture: no georeference is needed.
 
-use super::rows::TiffRows;
-use super::{PHOTOMETRIC, layout, nodata, num_overviews, shape};
-use crate::dem::geotiff::directory::TiffFile;
-use crate::dem::sample::{HeightLaw, SampleType};
-use crate::{Error, Raster};
+use super::directory::TiffFile;
+use super::image::TiffBand;
+use super::layout::shape;
+use super::presence::alpha_idx;
+use super::tags::PHOTOMETRIC;
+use crate::sample::{HeightLaw, SampleType};
+use crate::{Error, Raster, bounds};
 use std::path::Path;
 
 /// A TIFF's photometric interpretations that are read here.
@@ -18,12 +20,12 @@ pub(crate) struct TiffBands {
     /// One band, or red, green and blue.
     pub(crate) bands: Vec<Raster<f32>>,
     pub(crate) sample_type: SampleType,
-    /// Bands in the file.
+    /// Bands in the file, alpha not counted.
     pub(crate) num_bands: usize,
     /// Whether the smallest number is white.
     pub(crate) inverted: bool,
-    /// How the file is stored, for people.
-    pub(crate) storage: String,
+    /// How the file is stored and what had to be decided, for people.
+    pub(crate) notes: Vec<String>,
 }
 
 /// Reads the first band, or the three of a colour picture.
@@ -44,8 +46,11 @@ pub(crate) fn read(
         other => {
             let found = match other {
                 3 => "palette".to_owned(),
+                4 => "a mask".to_owned(),
                 5 => "CMYK".to_owned(),
                 6 => "YCbCr".to_owned(),
+                8 => "CIE L*a*b*".to_owned(),
+                32803 => "colour filter array".to_owned(),
                 _ => other.to_string(),
             };
             return Err(Error::Unsupported {
@@ -56,21 +61,32 @@ pub(crate) fn read(
             });
         }
     };
-    num_overviews(&mut tiff, &directory, &shape)?;
-    let nodata = nodata(&mut tiff, &directory)?;
-    let law = HeightLaw::new(1.0, 0.0, 1.0, f64::INFINITY, &nodata);
-    let mut bands = Vec::new();
-    let mut described = None;
+    let bytes = bounds::product(&[shape.width as u64, shape.height as u64, size_of::<f32>() as u64]);
+    bounds::check(path, "picture size", bytes, tiff.len)?;
+    let alpha = alpha_idx(&mut tiff, &directory, &shape)?;
+    let (mut bands, mut sample_type, mut notes) = (Vec::new(), SampleType::U8, Vec::new());
     for band_idx in 0..if colour { 3 } else { 1 } {
         // Each band has its own reader: a row of chunks is decoded once per band, and no more than that is held.
-        let mut tiff = TiffFile::open(path)?;
-        let layout = layout(&mut tiff, &directory, &shape, band_idx)?;
-        described.get_or_insert_with(|| (layout.sample_type, super::storage_text(&layout, &shape)));
+        let mut band = TiffBand::open(path, &directory, &shape, band_idx, None)?;
+        if band_idx > 0 {
+            // What is absent in one band is absent in their luma.
+            band.presence.clear();
+        }
+        let law = HeightLaw::new(1.0, 0.0, 1.0, f64::INFINITY, &band.nodata);
         let mut data = vec![f32::NAN; shape.width * shape.height];
-        TiffRows::new(tiff, layout.with_thin_strips()).read(0, &law, &mut data)?;
+        band.read(0, &law, &mut data)?;
         bands.push(Raster { width: shape.width, height: shape.height, data });
+        if band_idx == 0 {
+            sample_type = band.sample_type;
+            notes.push(band.storage);
+            notes.append(&mut band.notes);
+            let told = band.presence.iter().map(|p| (p.num_clear, p.name));
+            notes.extend(told.map(|(clear, name)| format!("{clear} pixels are absent by {name}")));
+        }
     }
-    let (sample_type, storage) = described.unwrap_or((SampleType::U8, String::new()));
-    let inverted = photometric == WHITE_IS_ZERO;
-    Ok(TiffBands { bands, sample_type, num_bands: shape.num_bands, inverted, storage })
+    if alpha.is_some() {
+        notes.push("alpha that is not 0 is left aside".to_owned());
+    }
+    let num_bands = shape.num_bands - usize::from(alpha.is_some());
+    Ok(TiffBands { bands, sample_type, num_bands, inverted: photometric == WHITE_IS_ZERO, notes })
 }

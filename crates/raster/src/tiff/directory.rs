@@ -3,8 +3,8 @@
 //! Written here rather than taken from a crate because georeferenced files need arbitrary tags, any sample type and
 //! planar layouts, and because no byte of a corrupt file may cause a panic or an allocation larger than the file.
 
-use crate::Error;
-use crate::dem::sample::ByteOrder;
+use crate::sample::ByteOrder;
+use crate::{Error, file};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -23,27 +23,33 @@ struct Entry {
 
 /// One directory; values are read from the file when they are asked for.
 #[derive(Debug)]
-pub(super) struct Directory {
+pub(crate) struct Directory {
     entries: BTreeMap<u16, Entry>,
     /// Offset of the next directory; 0 after the last.
-    pub(super) next: u64,
+    pub(crate) next: u64,
+}
+
+impl Directory {
+    /// Whether the tag is there.
+    pub(crate) fn has(&self, tag: u16) -> bool {
+        self.entries.contains_key(&tag)
+    }
 }
 
 /// A TIFF file and how to read its numbers.
 #[derive(Debug)]
-pub(super) struct TiffFile {
-    pub(super) file: File,
-    pub(super) path: PathBuf,
-    pub(super) len: u64,
-    pub(super) order: ByteOrder,
-    pub(super) big: bool,
-    pub(super) first_directory: u64,
+pub(crate) struct TiffFile {
+    pub(crate) file: File,
+    pub(crate) path: PathBuf,
+    pub(crate) len: u64,
+    pub(crate) order: ByteOrder,
+    pub(crate) big: bool,
+    pub(crate) first_directory: u64,
 }
 
 impl TiffFile {
-    pub(super) fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(Error::io("open", path))?;
-        let len = file.metadata().map_err(Error::io("read", path))?.len();
+    pub(crate) fn open(path: &Path) -> Result<Self, Error> {
+        let (file, len) = file::open(path).map_err(Error::io("open", path))?;
         let mut tiff = Self {
             file,
             path: path.to_owned(),
@@ -65,7 +71,7 @@ impl TiffFile {
     }
 
     /// `size` bytes from `offset`; never allocates more than the file holds.
-    pub(super) fn bytes_at(&mut self, offset: u64, size: u64, what: &str) -> Result<Vec<u8>, Error> {
+    pub(crate) fn bytes_at(&mut self, offset: u64, size: u64, what: &str) -> Result<Vec<u8>, Error> {
         let end = offset.saturating_add(size);
         if end > self.len {
             return Err(Error::Truncated {
@@ -89,7 +95,7 @@ impl TiffFile {
         }
     }
 
-    pub(super) fn malformed(&self, what: &str, expected: impl Into<String>, found: impl ToString) -> Error {
+    pub(crate) fn malformed(&self, what: &str, expected: impl Into<String>, found: impl ToString) -> Error {
         Error::Malformed {
             path: self.path.clone(),
             what: what.to_owned(),
@@ -98,7 +104,7 @@ impl TiffFile {
         }
     }
 
-    pub(super) fn directory(&mut self, offset: u64) -> Result<Directory, Error> {
+    pub(crate) fn directory(&mut self, offset: u64) -> Result<Directory, Error> {
         let (count_size, entry_size, field) = if self.big { (8, 20, 8) } else { (2, 12, 4) };
         let what = "a TIFF directory";
         let count = self.bytes_at(offset, count_size, what)?;
@@ -135,7 +141,7 @@ impl TiffFile {
     }
 
     /// Unsigned integers of any width.
-    pub(super) fn integers(&mut self, directory: &Directory, tag: u16) -> Result<Option<Vec<u64>>, Error> {
+    pub(crate) fn integers(&mut self, directory: &Directory, tag: u16) -> Result<Option<Vec<u64>>, Error> {
         let Some((kind, bytes)) = self.raw(directory, tag)? else { return Ok(None) };
         match kind {
             1 | 3 | 4 | 7 | 13 | 16 | 18 => {
@@ -147,12 +153,12 @@ impl TiffFile {
     }
 
     /// The first of a tag's integers.
-    pub(super) fn integer(&mut self, directory: &Directory, tag: u16) -> Result<Option<u64>, Error> {
+    pub(crate) fn integer(&mut self, directory: &Directory, tag: u16) -> Result<Option<u64>, Error> {
         Ok(self.integers(directory, tag)?.and_then(|values| values.first().copied()))
     }
 
     /// Floating-point numbers.
-    pub(super) fn doubles(&mut self, directory: &Directory, tag: u16) -> Result<Option<Vec<f64>>, Error> {
+    pub(crate) fn doubles(&mut self, directory: &Directory, tag: u16) -> Result<Option<Vec<f64>>, Error> {
         let Some((kind, bytes)) = self.raw(directory, tag)? else { return Ok(None) };
         match kind {
             11 => Ok(Some(
@@ -171,7 +177,7 @@ impl TiffFile {
     }
 
     /// Text, without its terminating zeros; a byte that is not UTF-8 is replaced.
-    pub(super) fn text(&mut self, directory: &Directory, tag: u16) -> Result<Option<String>, Error> {
+    pub(crate) fn text(&mut self, directory: &Directory, tag: u16) -> Result<Option<String>, Error> {
         let Some((_, bytes)) = self.raw(directory, tag)? else { return Ok(None) };
         Ok(Some(String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned()))
     }

@@ -74,6 +74,21 @@ impl HeightLaw {
         Self { gain: scale * unit_m, bias, absent: nodata.to_vec() }
     }
 
+    /// The same for samples that are radii without an offset that says so.
+    pub(crate) fn of_radii(self, radius_m: f64) -> Self {
+        Self { bias: self.bias - radius_m, ..self }
+    }
+
+    /// The height of a stored number.
+    pub(crate) fn height(&self, stored: f64) -> f32 {
+        (stored * self.gain + self.bias) as f32
+    }
+
+    /// The stored number of a height.
+    pub(crate) fn stored(&self, height: f32) -> f64 {
+        (f64::from(height) - self.bias) / self.gain
+    }
+
     /// Heights of every `stride`-th sample from sample `first` on, one per element of `out`.
     pub(crate) fn decode(
         &self,
@@ -105,7 +120,7 @@ impl HeightLaw {
                     *height = if special || absent.contains(&stored) {
                         f32::NAN
                     } else {
-                        (stored * self.gain + self.bias) as f32
+                        self.height(stored)
                     };
                 }
             }};

@@ -1,6 +1,6 @@
 //! One strip or tile: decompression and the predictors.
 
-use crate::dem::sample::ByteOrder;
+use crate::sample::ByteOrder;
 use serde::Serialize;
 use std::io::Read;
 
@@ -12,6 +12,8 @@ pub enum Compression {
     None,
     /// LZW, most significant bit first.
     Lzw,
+    /// LZW of before 1993: least significant bit first, codes longer one step later.
+    OldLzw,
     /// zlib streams (codes 8 and 32946).
     Deflate,
     /// Run lengths (code 32773).
@@ -31,43 +33,55 @@ pub enum Predictor {
 }
 
 /// The bytes of a chunk: exactly `size` of them, or what went wrong.
-pub(super) fn decompress(compression: Compression, packed: Vec<u8>, size: usize) -> Result<Vec<u8>, String> {
-    let short = |found: usize| format!("{found} bytes after decompression, {size} expected");
+pub(crate) fn decompress(compression: Compression, packed: Vec<u8>, size: usize) -> Result<Vec<u8>, String> {
     match compression {
         Compression::None => {
             let mut bytes = packed;
             if bytes.len() < size {
-                return Err(short(bytes.len()));
+                return Err(short(bytes.len(), size));
             }
             bytes.truncate(size);
             Ok(bytes)
         }
-        Compression::Deflate => {
-            let mut bytes = vec![0; size];
-            flate2::read::ZlibDecoder::new(packed.as_slice())
-                .read_exact(&mut bytes)
-                .map_err(|e| format!("deflate stream: {e}"))?;
-            Ok(bytes)
-        }
+        Compression::Deflate => inflate(&packed, size),
         Compression::Lzw => {
-            let mut bytes = vec![0; size];
-            let mut decoder = weezl::decode::Decoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8);
-            let (mut read, mut written) = (0, 0);
-            while written < size {
-                let step = decoder.decode_bytes(&packed[read..], &mut bytes[written..]);
-                read += step.consumed_in;
-                written += step.consumed_out;
-                let status = step.status.map_err(|e| format!("LZW stream: {e}"))?;
-                if !matches!(status, weezl::LzwStatus::Ok)
-                    || (step.consumed_in == 0 && step.consumed_out == 0)
-                {
-                    break;
-                }
-            }
-            if written < size { Err(short(written)) } else { Ok(bytes) }
+            unpack_lzw(weezl::decode::Decoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8), &packed, size)
         }
-        Compression::PackBits => unpack_bits(&packed, size).map_err(short),
+        Compression::OldLzw => {
+            unpack_lzw(weezl::decode::Decoder::new(weezl::BitOrder::Lsb, 8), &packed, size)
+        }
+        Compression::PackBits => unpack_bits(&packed, size).map_err(|found| short(found, size)),
     }
+}
+
+fn inflate(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
+    let mut bytes = vec![0; size];
+    let mut decoder = flate2::read::ZlibDecoder::new(packed);
+    decoder.read_exact(&mut bytes).map_err(|e| format!("deflate stream: {e}"))?;
+    // The checksum stands behind the last byte, and is looked at only by who reads on.
+    match decoder.read(&mut [0]) {
+        Err(e) => Err(format!("deflate stream: {e}")),
+        Ok(_) => Ok(bytes),
+    }
+}
+
+fn unpack_lzw(mut decoder: weezl::decode::Decoder, packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
+    let mut bytes = vec![0; size];
+    let (mut read, mut written) = (0, 0);
+    while written < size {
+        let step = decoder.decode_bytes(&packed[read..], &mut bytes[written..]);
+        read += step.consumed_in;
+        written += step.consumed_out;
+        let status = step.status.map_err(|e| format!("LZW stream: {e}"))?;
+        if !matches!(status, weezl::LzwStatus::Ok) || (step.consumed_in == 0 && step.consumed_out == 0) {
+            break;
+        }
+    }
+    if written < size { Err(short(written, size)) } else { Ok(bytes) }
+}
+
+fn short(found: usize, size: usize) -> String {
+    format!("{found} bytes after decompression, {size} expected")
 }
 
 /// Apple's run-length code; the number of bytes there were if they are too few.
@@ -98,7 +112,7 @@ fn unpack_bits(packed: &[u8], size: usize) -> Result<Vec<u8>, usize> {
 
 /// Undoes a predictor in place, row by row of `row_bytes`, for interleaved samples of `size` bytes; returns the byte
 /// order the samples have afterwards.
-pub(super) fn undo_predictor(
+pub(crate) fn undo_predictor(
     predictor: Predictor,
     bytes: &mut [u8],
     row_bytes: usize,
@@ -162,7 +176,7 @@ fn sum_samples(row: &mut [u8], num_interleaved: usize, size: usize, order: ByteO
 }
 
 /// The floating-point predictor's forward form for one row of interleaved f32, most significant bytes first.
-pub(super) fn apply_float_predictor(row: &[f32], num_interleaved: usize, out: &mut Vec<u8>) {
+pub(crate) fn apply_float_predictor(row: &[f32], num_interleaved: usize, out: &mut Vec<u8>) {
     let start = out.len();
     let n = row.len();
     out.resize(start + 4 * n, 0);
@@ -193,6 +207,29 @@ mod tests {
         assert_eq!(unpack_bits(&packed, 25), Err(24));
     }
 
+    #[test]
+    fn lzw_of_both_bit_orders() {
+        let bytes: Vec<u8> = (0..9000u32).map(|i| (i * i / 977) as u8).collect();
+        let new =
+            weezl::encode::Encoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8).encode(&bytes).unwrap();
+        assert_eq!(decompress(Compression::Lzw, new, bytes.len()).unwrap(), bytes);
+        let old = weezl::encode::Encoder::new(weezl::BitOrder::Lsb, 8).encode(&bytes).unwrap();
+        assert!(old[0] == 0 && old[1] & 1 == 1, "what tells old streams");
+        assert_eq!(decompress(Compression::OldLzw, old, bytes.len()).unwrap(), bytes);
+    }
+
+    #[test]
+    fn a_wrong_checksum_is_an_error() {
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+        std::io::Write::write_all(&mut encoder, &[7; 500]).unwrap();
+        let packed = encoder.finish().unwrap();
+        assert!(decompress(Compression::Deflate, packed.clone(), 500).is_ok());
+        let last = packed.len() - 1;
+        assert!(decompress(Compression::Deflate, packed[..last].to_vec(), 500).is_err());
+        let changed = [&packed[..last], &[packed[last] ^ 1]].concat();
+        assert!(decompress(Compression::Deflate, changed, 500).is_err());
+    }
+
     proptest! {
         #[test]
         fn float_predictor_round_trips(
@@ -210,7 +247,7 @@ mod tests {
 
         #[test]
         fn arbitrary_bytes_never_panic(packed in prop::collection::vec(any::<u8>(), 0..200), size in 0usize..300) {
-            for compression in [Compression::None, Compression::Lzw, Compression::Deflate, Compression::PackBits] {
+            for compression in [Compression::None, Compression::Lzw, Compression::OldLzw, Compression::Deflate, Compression::PackBits] {
                 if let Ok(bytes) = decompress(compression, packed.clone(), size) {
                     prop_assert_eq!(bytes.len(), size);
                 }

@@ -1,6 +1,9 @@
 //! JPEG as the StereoLunar pictures are stored: three equal channels, quality 95, colour halved both ways (4:2:0).
 
-use super::{Picture, bytes_of, cannot_encode, malformed};
+mod bits;
+mod entropy;
+
+use super::decoded::{Picture, bytes_of, cannot_encode, malformed};
 use crate::{Error, Raster};
 use image::{DynamicImage, ImageFormat};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
@@ -44,8 +47,9 @@ fn encode(rgb: &[u8], width: usize, height: usize, quality: u8) -> Result<Vec<u8
 /// Decodes; three channels stay three even where they are equal.
 ///
 /// # Errors
-/// [`Error::Malformed`] if the bytes are no JPEG.
+/// [`Error::Malformed`] if the bytes are no JPEG, or a block of it is missing or cannot be decoded.
 pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
+    check_whole(bytes, origin)?;
     let image = image::load_from_memory_with_format(bytes, ImageFormat::Jpeg)
         .map_err(|e| malformed(FORMAT, origin, e))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
@@ -57,6 +61,11 @@ pub fn decode(bytes: &[u8], origin: &Path) -> Result<Picture, Error> {
             data: other.into_rgb8().pixels().map(|pixel| pixel.0).collect(),
         }),
     })
+}
+
+/// Makes sure that every block is there: the decoder would make up what is not.
+pub(super) fn check_whole(bytes: &[u8], origin: &Path) -> Result<(), Error> {
+    entropy::check(bytes).map_err(|found| malformed(FORMAT, origin, found))
 }
 
 /// Reads a file.
@@ -84,6 +93,49 @@ mod tests {
         // The frame header says 2×2 sampling of the first of three components.
         let header = bytes.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
         assert_eq!((bytes[header + 9], bytes[header + 11]), (3, 0x22));
+    }
+
+    fn sequential() -> Vec<u8> {
+        let grey = Raster::from_fn(70, 50, |x, y| (x * x + 3 * y) as u8);
+        encode_grey_as_rgb(&grey, 80).unwrap()
+    }
+
+    fn progressive(restart_interval: u16) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = Encoder::new(&mut bytes, 80);
+        encoder.set_progressive(true);
+        encoder.set_restart_interval(restart_interval);
+        encoder.set_sampling_factor(SamplingFactor::F_2_2);
+        let rgb: Vec<u8> = (0..70 * 50).flat_map(|i| [i as u8, (i / 70) as u8, (i * i / 9) as u8]).collect();
+        encoder.encode(&rgb, 70, 50, ColorType::Rgb).unwrap();
+        bytes
+    }
+
+    /// Where the coded samples of the first scan begin.
+    fn first_scan(bytes: &[u8]) -> usize {
+        let header = bytes.windows(2).position(|marker| marker == [0xFF, 0xDA]).unwrap();
+        header + 2 + usize::from(bytes[header + 3])
+    }
+
+    #[test]
+    fn whole_pictures_of_every_kind_pass() {
+        let origin = Path::new("memory");
+        for bytes in [sequential(), progressive(0), progressive(3)] {
+            assert_eq!(decode(&bytes, origin).unwrap().size(), (70, 50));
+        }
+    }
+
+    /// Cut anywhere, and given the end marker that a repair tool writes.
+    #[test]
+    fn cut_pictures_are_refused_with_and_without_an_end_marker() {
+        let origin = Path::new("memory");
+        for bytes in [sequential(), progressive(0), progressive(3)] {
+            for end in (first_scan(&bytes)..bytes.len() - 3).step_by(5) {
+                assert!(decode(&bytes[..end], origin).is_err(), "cut at {end} of {}", bytes.len());
+                let ended = [&bytes[..end], &[0xFF, 0xD9]].concat();
+                assert!(decode(&ended, origin).is_err(), "cut at {end} of {} and ended", bytes.len());
+            }
+        }
     }
 
     #[test]
