@@ -73,7 +73,7 @@ pub(crate) fn nothing(views: [Seen<'_>; 2], focal: FocalKnowledge, patch_px: usi
 /// A pixel of the inputs in pixels of the pictures, the geometric mean of both; and a patch of A.
 fn grain([a, b]: [Seen<'_>; 2], patch_px: usize) -> Grain {
     let [a, b] = [a, b].map(|view| pixel_side(view.transform));
-    Grain { match_px: (a * b).sqrt(), patch_px: a * patch_px as f64 }
+    Grain::of_pixels((a * b).sqrt(), a * patch_px as f64)
 }
 
 /// Side of a pixel of the input in pixels of the picture.

@@ -92,6 +92,11 @@ pub enum FocalSource {
         /// Of A and of B, pixels.
         focal_px: [f64; 2],
     },
+    /// From what the camera has written into the pictures.
+    Exif {
+        /// Of A and of B, pixels across.
+        focal_px: [f64; 2],
+    },
     /// Nothing determines it: it is an assumption.
     Assumed {
         /// Pixels.
@@ -102,10 +107,12 @@ pub enum FocalSource {
 }
 
 impl FocalSource {
-    pub(crate) fn warning(self) -> Option<Warning> {
+    /// What must be said of it.
+    pub fn warning(self) -> Option<Warning> {
         match self {
             Self::Known => None,
             Self::Pointmaps { focal_px: [a, b] } => Some(Warning::FocalFromPoints { a_px: a, b_px: b }),
+            Self::Exif { focal_px: [a, b] } => Some(Warning::FocalFromExif { a_px: a, b_px: b }),
             Self::Estimated { focal_px, sigma_px } => Some(Warning::FocalEstimated { focal_px, sigma_px }),
             Self::Assumed { focal_px, fov_deg } => Some(Warning::FocalAssumed { focal_px, fov_deg }),
         }
@@ -137,6 +144,17 @@ pub enum Warning {
         "no camera was given: the focal lengths are those that the network's points imply, {a_px:.1} and {b_px:.1} px"
     )]
     FocalFromPoints {
+        /// Of A, pixels.
+        a_px: f64,
+        /// Of B, pixels.
+        b_px: f64,
+    },
+    /// The focal length was taken from the pictures' EXIF.
+    #[error(
+        "no camera was given: the focal lengths are those that EXIF tells, {a_px:.1} and {b_px:.1} px, of an ideal lens with its axis in the \
+         middle"
+    )]
+    FocalFromExif {
         /// Of A, pixels.
         a_px: f64,
         /// Of B, pixels.

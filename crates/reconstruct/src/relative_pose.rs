@@ -18,11 +18,9 @@ const MIN_MATCHES: usize = 8;
 const MIN_REFINED_SHARE: f64 = 0.5;
 
 /// What features are off by at least, pixels.
-const FEATURE_NOISE_PX: f64 = 0.1;
+pub(crate) const FEATURE_NOISE_PX: f64 = 0.1;
 /// What aligned windows are off by at least, pixels: two pictures from one place show up to 0.02 that is alike in neighbours.
 const WINDOW_NOISE_PX: f64 = 0.03;
-/// Standard deviation of a place that is rounded to the middle of its pixel, pixels.
-pub(crate) const WHOLE_PIXEL_NOISE_PX: f64 = 0.29;
 
 /// Settings of the chain called `sift`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -206,10 +204,10 @@ pub fn of_matches(
         return Err(CannotSay::TooFewMatches { found: 0, needed: MIN_MATCHES });
     };
     let cameras = [&a.camera, &b.camera];
-    let [threshold_px, noise_px] = [options.threshold_px, WHOLE_PIXEL_NOISE_PX].map(|px| px * grain.match_px);
+    let threshold_px = options.threshold_px * grain.match_px;
     let robust = RelativeOptions {
         per_evidence: grain.per_patch(found),
-        ..options.robust(threshold_px, noise_px, cameras)
+        ..options.robust(threshold_px, grain.noise_px, cameras)
     };
     let first = Estimated::new(found, None, cameras, &robust)?;
     counts.matches = found.len();

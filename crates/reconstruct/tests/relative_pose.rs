@@ -175,7 +175,7 @@ fn coarse_matches(a: &View, b: &View, b_from_a: &Rigid3<CamB, CamA>) -> Learned 
         let is_inside = seen.x > 0.0 && seen.y > 0.0 && seen.x < 360.0 && seen.y < 400.0;
         is_inside.then(|| Match { a: at, b: Point2::new(middle(seen.x), middle(seen.y)), score: 1.0 })
     });
-    let grain = Grain { match_px: COARSE_PX, patch_px: 8.0 * COARSE_PX };
+    let grain = Grain::of_pixels(COARSE_PX, 8.0 * COARSE_PX);
     Learned { pointmaps: None, matches: matched.collect(), dense_matches: None, grain }
 }
 
@@ -186,7 +186,7 @@ fn coarse_matches_of_a_network_give_the_pose_and_surface_of_subpixel_windows() {
     let solve = |matches: &Learned, priors: &Priors, options: &Options| {
         let cameras = [a.camera.clone(), b.camera.clone()];
         let said = LearnedInput { learned: matches.clone(), cameras, focal: FocalSource::Known };
-        let input = Input { views: [&a, &b], learned: Some(&said) };
+        let input = Input { views: [&a, &b], learned: Some(&said), matches: None };
         reconstruct(&input, priors, options, |_| {})
     };
     let options = Options { method: Method::Mast3rStereo, ..Options::default() };

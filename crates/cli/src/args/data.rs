@@ -2,6 +2,7 @@
 
 use super::Target;
 use clap::{Args, Subcommand, ValueEnum};
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// What to do with datasets.
@@ -19,7 +20,7 @@ pub enum DataCommand {
     /// The paper's triplets (jpg, exr, npz) into our layout
     #[command(after_help = "Example:\n  selenograph data import stereolunar --out dataset --suns scripts")]
     Import(Import),
-    /// The paper's triplets (jpg, exr, npz) from our dataset
+    /// The paper's triplets (jpg, exr, npz), a COLMAP model or nerfstudio's transforms.json from our dataset
     #[command(
         after_help = "Example:\n  selenograph data export out/dataset --out triplets --split split.json"
     )]
@@ -118,15 +119,30 @@ pub struct Export {
     /// Dataset folder
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
-    /// Split made by `data split`, for split files beside the scenes
+    /// What is written
+    #[arg(long, value_name = "FORMAT", default_value = "triplets")]
+    pub format: ExportFormat,
+    /// Split made by `data split`, for split files beside the scenes (triplets)
     #[arg(long, value_name = "FILE")]
     pub split: Option<PathBuf>,
-    /// Where K counts pixels from: the first pixel's centre (the paper's loader) or the corner (the public samples)
+    /// Where the triplets' K counts pixels from: the first pixel's centre (the paper's loader) or the corner (the public samples)
     #[arg(long, value_name = "WHERE", default_value = "center")]
     pub k_convention: KConvention,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,
+}
+
+/// What `data export` writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ExportFormat {
+    /// The paper's: a jpg, an exr and an npz per view and light.
+    Triplets,
+    /// Pictures, and COLMAP's model of them in `sparse/0`, as text and binary, with points of the truth.
+    Colmap,
+    /// Pictures and nerfstudio's `transforms.json`.
+    Nerfstudio,
 }
 
 /// Where K counts pixels from.

@@ -1,6 +1,7 @@
 //! `selenograph reconstruct`.
 
 use super::Target;
+use super::data::KConvention;
 use super::network::NetworkChoice;
 use clap::Args;
 use selenograph_reconstruct::learned::{PointsFrom, PoseFrom};
@@ -41,6 +42,12 @@ pub struct Reconstruct {
     /// What the products look like.
     #[command(flatten)]
     pub products: ProductChoice,
+    /// Matches of any matcher in place of features: CSV of a_x,a_y,b_x,b_y[,score] in pixels (methods stereo and sift)
+    #[arg(long, value_name = "FILE")]
+    pub matches: Option<PathBuf>,
+    /// Where those matches count pixels from: the corner, or the first pixel's centre (OpenCV and most matchers)
+    #[arg(long, value_name = "WHERE", default_value = "corner", requires = "matches")]
+    pub matches_convention: KConvention,
     /// Another seed, other random samples among the matches
     #[arg(long, value_name = "N", default_value_t = 0, env = "SELENOGRAPH_SEED", hide_env_values = true)]
     pub seed: u64,
@@ -49,11 +56,11 @@ pub struct Reconstruct {
     pub target: Target,
 }
 
-/// What took the pictures. Without any of these the focal length is estimated or assumed, and the answer says so.
+/// What took the pictures. Without any of these the focal length is that of EXIF, estimated or assumed, and the answer says so.
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct Cameras {
-    /// Camera of both pictures: our TOML or JSON, COLMAP cameras.txt, OpenCV YAML
+    /// Camera of both pictures: our TOML or JSON, a COLMAP model (text or binary), OpenCV or ROS YAML or XML, ASP .tsai
     #[arg(long, value_name = "FILE", conflicts_with_all = ["camera_a", "camera_b"])]
     pub camera: Option<PathBuf>,
     /// Camera of the first picture

@@ -10,7 +10,7 @@ use super::run_record::{NO_OUTCOME, write_record};
 use super::{dem_import, dem_synth, evaluate};
 use crate::args::Target;
 use crate::args::campaign::Demo;
-use crate::args::data::Sheet;
+use crate::args::data::{KConvention, Sheet};
 use crate::args::dem::{Import, Reading, Synth};
 use crate::args::evaluate::Evaluate;
 use crate::args::network::NetworkChoice;
@@ -197,6 +197,8 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         network: NetworkChoice::default(),
         learned: LearnedChoice::default(),
         products: ProductChoice::default(),
+        matches: None,
+        matches_convention: KConvention::Corner,
         seed,
         target: Target { out: folder.join("reconstruction"), force: false },
     };

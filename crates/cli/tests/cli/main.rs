@@ -9,6 +9,7 @@ mod dem;
 mod doctor;
 mod estimate;
 mod evaluate;
+mod exchange;
 mod foreign;
 mod frames;
 mod help;

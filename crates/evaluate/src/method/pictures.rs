@@ -37,7 +37,7 @@ pub fn answer(method: Method, promise: Promise, item: &Item<'_>) -> Result<Answe
     if let Some(session) = item.network {
         options.learned = session.geometry().clone();
     }
-    let input = Input { views: item.views.each_ref(), learned: said.as_deref() };
+    let input = Input { views: item.views.each_ref(), learned: said.as_deref(), matches: None };
     let prediction = reconstruct(&input, &Priors::default(), &options, |_| {})?.prediction;
     let reference_pose = match (&said, method) {
         (Some(said), _) => said_reference(said, &options.learned),

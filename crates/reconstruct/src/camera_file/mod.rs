@@ -1,14 +1,14 @@
-//! Cameras from files: our TOML and JSON, COLMAP, OpenCV and ROS, Ames Stereo Pipeline.
+//! Cameras from files: our TOML and JSON, COLMAP (text and binary), OpenCV and ROS, Ames Stereo Pipeline.
 //!
 //! The format is recognised by content. Each one is a small module; nothing else knows its conventions. What comes out is
 //! always ours: measured from the image's corner, `world_from_cam`, camera axes X right, Y down, Z forward.
 
 mod asp;
-mod colmap;
+pub(crate) mod colmap;
 mod opencv;
 mod ours;
 
-use crate::Error;
+use crate::{Error, input_file};
 use selenograph_geometry::{BodyFixed, Cam, Camera, Point3, Rigid3, pixel};
 use selenograph_raster::file;
 use serde::{Deserialize, Serialize};
@@ -25,9 +25,9 @@ pub enum CameraFormat {
     Toml,
     /// Ours, as JSON: the `camera.json` of a dataset, or the keys of the TOML.
     Json,
-    /// COLMAP's `cameras.txt`, with `images.txt` beside it.
+    /// COLMAP's `cameras.txt` or `cameras.bin`, with the list of images beside it.
     Colmap,
-    /// OpenCV's file storage or a ROS `CameraInfo`, as YAML.
+    /// OpenCV's file storage as YAML, XML or JSON, or a ROS `CameraInfo`.
     OpenCv,
     /// Ames Stereo Pipeline's pinhole camera, `.tsai`.
     Asp,
@@ -64,8 +64,8 @@ pub struct PictureSize<'a> {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Its file name, by which COLMAP's lists are searched.
-    pub name: Option<&'a str>,
+    /// Its file, by whose name and folders COLMAP's lists are searched.
+    pub path: Option<&'a Path>,
     /// Whether a camera of another size may be resized, sides in proportion, because the picture was.
     pub was_resized: bool,
 }
@@ -73,36 +73,30 @@ pub struct PictureSize<'a> {
 impl<'a> PictureSize<'a> {
     /// A picture as it left the camera.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, name: None, was_resized: false }
+        Self { width, height, path: None, was_resized: false }
     }
 
-    /// With its file name.
-    pub fn named(self, name: &'a str) -> Self {
-        Self { name: Some(name), ..self }
+    /// With its file.
+    pub fn at(self, path: &'a Path) -> Self {
+        Self { path: Some(path), ..self }
     }
 }
 
-/// Reads the camera of a picture.
+/// Reads the camera of a picture, from a file or from the folder of a COLMAP model.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a file of no known kind, missing keys, numbers that no camera has, and rotations
+/// [`Error::Io`]; [`Error::Format`] for what is no regular file, too large or no text, a file of no known kind, missing keys, numbers that no camera has, and rotations
 /// that are mirrored or not orthonormal; [`Error::CameraSize`] if the camera belongs to a picture of another size.
 pub fn read(path: &Path, picture: &PictureSize) -> Result<CameraFile, Error> {
+    let in_folder = if path.is_dir() { colmap::in_folder(path) } else { None };
+    let path = in_folder.as_deref().unwrap_or(path);
     let bytes = file::read(path, file::MAX_TEXT_BYTES).map_err(Error::io("read", path))?;
-    let text = String::from_utf8_lossy(&bytes);
-    let text = text.trim_start_matches('\u{feff}');
     let source = Source { path, picture };
-    let mut file = match format_of(text) {
-        Some(CameraFormat::Json) => ours::from_json(&source, text),
-        Some(CameraFormat::Toml) => ours::from_toml(&source, text),
-        Some(CameraFormat::Colmap) => colmap::parse(&source, text),
-        Some(CameraFormat::OpenCv) => opencv::parse(&source, text),
-        Some(CameraFormat::Asp) => asp::parse(&source, text),
-        None => Err(source.bad(
-            "a camera as TOML or JSON, COLMAP's cameras.txt, OpenCV's YAML or an ASP .tsai",
-            first_line(text),
-        )),
-    }?;
+    let mut file = if colmap::is_binary(path, &bytes) {
+        colmap::from_binary(&source, &bytes)?
+    } else {
+        from_text(&source, &input_file::text_of(path, &bytes)?)?
+    };
     let (width, height) = (file.camera.width, file.camera.height);
     if (width, height) == (picture.width, picture.height) {
         return Ok(file);
@@ -122,26 +116,35 @@ pub fn read(path: &Path, picture: &PictureSize) -> Result<CameraFile, Error> {
     Ok(file)
 }
 
-fn format_of(text: &str) -> Option<CameraFormat> {
-    let start = text.trim_start();
-    if start.starts_with('{') {
-        return Some(CameraFormat::Json);
+fn from_text(source: &Source, text: &str) -> Result<CameraFile, Error> {
+    match format_of(text) {
+        Some(CameraFormat::Json) => ours::from_json(source, text),
+        Some(CameraFormat::Toml) => ours::from_toml(source, text),
+        Some(CameraFormat::Colmap) => colmap::from_text(source, text),
+        Some(CameraFormat::OpenCv) => opencv::parse(source, text),
+        Some(CameraFormat::Asp) => asp::parse(source, text),
+        None => Err(source.bad(
+            "a camera as TOML or JSON, COLMAP's cameras.txt or cameras.bin, OpenCV's or ROS's YAML or XML, or an ASP .tsai",
+            first_line(text),
+        )),
     }
-    if start.starts_with("%YAML") || has_line(text, |line| line.starts_with("camera_matrix:")) {
+}
+
+fn format_of(text: &str) -> Option<CameraFormat> {
+    if opencv::is_storage(text) {
         return Some(CameraFormat::OpenCv);
     }
-    let has_tsai_key = |line: &str| line.starts_with("fu =") || line.starts_with("fu=");
-    if start.starts_with("VERSION_") || has_line(text, has_tsai_key) {
+    if text.trim_start().starts_with('{') {
+        return Some(CameraFormat::Json);
+    }
+    if asp::is_tsai(text) {
         return Some(CameraFormat::Asp);
     }
     if colmap::is_camera_list(text) {
         return Some(CameraFormat::Colmap);
     }
-    has_line(text, |line| !line.starts_with('#') && line.contains('=')).then_some(CameraFormat::Toml)
-}
-
-fn has_line(text: &str, matches: impl Fn(&str) -> bool) -> bool {
-    text.lines().any(|line| matches(line.trim_start()))
+    let is_key = |line: &str| !line.trim_start().starts_with('#') && line.contains('=');
+    text.lines().any(is_key).then_some(CameraFormat::Toml)
 }
 
 fn first_line(text: &str) -> String {

@@ -2,40 +2,40 @@ use super::*;
 use selenograph_geometry::{Distortion, PixelConvention, Point2, Rotation3};
 use std::path::PathBuf;
 
-const SIZE: PictureSize = PictureSize { width: 640, height: 480, name: None, was_resized: false };
+pub(super) const SIZE: PictureSize = PictureSize { width: 640, height: 480, path: None, was_resized: false };
 
 /// Digits written in files keep projections to this.
 const SAME_PX: f64 = 1e-9;
 
-fn camera() -> Camera {
+pub(super) fn camera() -> Camera {
     let k = nalgebra::Matrix3::new(700.0, 0.0, 311.25, 0.0, 710.5, 245.75, 0.0, 0.0, 1.0);
     let lens = Distortion { k1: -0.1, k2: 0.02, p1: 1e-3, p2: -2e-3, k3: 0.0 };
     Camera::from_k(640, 480, &k, PixelConvention::Corner).unwrap().with_distortion(lens)
 }
 
-fn pose() -> Rigid3<BodyFixed, Cam> {
+pub(super) fn pose() -> Rigid3<BodyFixed, Cam> {
     Rigid3::new(Rotation3::from_euler_angles(2.9, 0.2, -0.7), Point3::new(1.7e6, -320.0, 45.5))
 }
 
-fn file(name: &str, text: &str) -> (tempfile::TempDir, PathBuf) {
+pub(super) fn file(name: &str, text: &str) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
     std::fs::write(&path, text).unwrap();
     (dir, path)
 }
 
-fn read_text(text: &str) -> Result<CameraFile, Error> {
+pub(super) fn read_text(text: &str) -> Result<CameraFile, Error> {
     let (_dir, path) = file("camera.txt", text);
     read(&path, &SIZE)
 }
 
-fn refused(text: &str) -> String {
+pub(super) fn refused(text: &str) -> String {
     let error = read_text(text).unwrap_err().to_string();
     assert!(error.contains("camera.txt") && !error.contains('\n'), "{error}");
     error
 }
 
-fn assert_same(found: &Camera, expected: &Camera) {
+pub(super) fn assert_same(found: &Camera, expected: &Camera) {
     for (x, y) in [(0.1, -0.2), (-0.35, 0.3), (0.0, 0.0)] {
         let point = Point3::new(100.0 * x, 100.0 * y, 100.0);
         let away = found.project(&point).unwrap() - expected.project(&point).unwrap();
@@ -43,7 +43,7 @@ fn assert_same(found: &Camera, expected: &Camera) {
     }
 }
 
-fn assert_pose(found: Option<WorldPose>, world: &str, metric: bool) {
+pub(super) fn assert_pose(found: Option<WorldPose>, world: &str, metric: bool) {
     let found = found.unwrap();
     assert_eq!((found.world.as_str(), found.metric), (world, metric));
     assert!((found.world_from_cam.origin() - pose().origin()).norm() < 1e-6);
@@ -112,85 +112,73 @@ fn json_of_a_dataset_and_of_the_short_keys() {
     assert!(read_text("{\"fov_deg\": 45}").is_ok());
 }
 
-#[test]
-fn colmap_lists_with_poses() {
-    let cam_from_world = pose().inverse();
-    let ([w, x, y, z], t) = (cam_from_world.quaternion_wxyz(), cam_from_world.origin());
-    let (dir, path) = file(
-        "cameras.txt",
-        "# Camera list\n1 SIMPLE_PINHOLE 10 10 5 5 5\n7 OPENCV 640 480 700 710.5 311.25 245.75 -0.1 0.02 1e-3 -2e-3\n",
-    );
-    let images = format!(
-        "# Image list\n3 1 0 0 0 0 0 0 1 other.png\n1 2 3\n4 {w} {x} {y} {z} {} {} {} 7 sub/b.png\n\n",
-        t.x, t.y, t.z
-    );
-    assert!(read(&path, &SIZE).unwrap_err().to_string().contains("2 cameras"));
-    std::fs::write(dir.path().join("images.txt"), images).unwrap();
-    let found = read(&path, &SIZE.named("b.png")).unwrap();
-    assert_same(&found.camera, &camera());
-    // COLMAP's projection by its own formula: R X + t, then K, measured from the corner.
-    let point_in_world = pose().point(&Point3::new(3.0, -4.0, 50.0));
-    assert!((cam_from_world.point(&point_in_world) - Point3::new(3.0, -4.0, 50.0)).norm() < 1e-8);
-    assert_pose(found.pose, "colmap", false);
-    assert!(read(&path, &SIZE.named("c.png")).unwrap_err().to_string().contains("c.png"));
-    for (line, fx, k1) in [
-        ("1 SIMPLE_PINHOLE 640 480 700 320 240", 700.0, 0.0),
-        ("1 PINHOLE 640 480 700 710 320 240", 700.0, 0.0),
-        ("1 SIMPLE_RADIAL 640 480 700 320 240 -0.2", 700.0, -0.2),
-        ("1 RADIAL 640 480 700 320 240 -0.2 0.1", 700.0, -0.2),
-        ("1 FULL_OPENCV 640 480 700 710 320 240 -0.2 0 0 0 0.3 0 0 0", 700.0, -0.2),
-    ] {
-        let camera = read_text(line).unwrap().camera;
-        assert_eq!((camera.fx, camera.distortion.k1, camera.cx), (fx, k1, 320.0), "{line}");
-    }
-    assert!(refused("1 THIN_PRISM_FISHEYE 640 480 1 2 3").contains("THIN_PRISM_FISHEYE"));
-    assert!(refused("1 PINHOLE 640 480 700 710 320").contains("3 parameters"));
-}
-
-/// As `cv2.FileStorage` writes it; the projection is OpenCV's, measured from the first pixel's centre.
-#[test]
-fn opencv_and_ros_yaml() {
-    let text = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n\
-                dt: d\n   data: [ 700., 0., 310.75, 0., 710.5,\n       245.25, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n\
-                rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.1, 0.02, 1.0e-03, -2.0e-03, 0. ]\n";
-    assert_same(&read_text(text).unwrap().camera, &camera());
-    let ros = "image_width: 640\nimage_height: 480\ncamera_name: x\ncamera_matrix:\n  rows: 3\n  cols: 3\n\
-               data: [700.0, 0.0, 310.75, 0.0, 710.5, 245.25, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n\
-               distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.1, 0.02, 0.001, -0.002, 0.0]\n";
-    let found = read_text(ros).unwrap();
-    assert_eq!(found.format, CameraFormat::OpenCv);
-    assert_same(&found.camera, &camera());
-    assert!(refused(&ros.replace("plumb_bob", "equidistant")).contains("equidistant"));
-    assert!(refused(&ros.replace("-0.002, 0.0]", "-0.002, 0, 0.5]")).contains("6 coefficients"));
-    assert!(refused(&ros.replace("700.0, 0.0,", "700.0, 2.0,")).contains("camera"));
-    assert!(refused(&ros.replace("700.0", ".nan")).contains("focal"));
-    assert!(refused("%YAML:1.0\nx: 1\n").contains("camera_matrix"));
-}
-
-#[test]
-fn asp_pinhole() {
+/// A pitch of 0.005 mm; the principal point is measured from the first pixel's centre.
+fn tsai() -> String {
     let (r, c) = (pose().rotation(), pose().origin());
     let rows: Vec<String> = r.transpose().iter().map(f64::to_string).collect();
-    // A pitch of 0.005 mm.
-    let text = format!(
+    format!(
         "VERSION_4\nPINHOLE\nfu = {}\nfv = {}\ncu = {}\ncv = {}\nu_direction = 1 0 0\nv_direction = 0 1 0\n\
          w_direction = 0 0 1\nC = {} {} {}\nR = {}\npitch = 0.005\nTSAI\nk1 = -0.1\nk2 = 0.02\np1 = 0.001\np2 = -0.002\n",
         700.0 * 0.005,
         710.5 * 0.005,
-        311.25 * 0.005,
-        245.75 * 0.005,
+        310.75 * 0.005,
+        245.25 * 0.005,
         c.x,
         c.y,
         c.z,
         rows.join(" ")
-    );
+    )
+}
+
+#[test]
+fn asp_pinhole() {
+    let text = tsai();
     let found = read_text(&text).unwrap();
     assert_eq!(found.format, CameraFormat::Asp);
     assert_same(&found.camera, &camera());
     assert_pose(found.pose, "body_fixed", true);
-    assert!(refused(&text.replace("TSAI", "RPC")).contains("RPC"));
+    for lens in ["RPC5", "BrownConrady", "Photometrix", "AdjustableTSAI", "FISHEYE"] {
+        assert!(refused(&text.replace("TSAI", lens)).contains(lens));
+    }
     assert!(refused(&text.replace("v_direction = 0 1 0", "v_direction = 0 -1 0")).contains("v_direction"));
     assert!(refused(&text.replace("pitch = 0.005", "")).contains("pitch"));
+    assert!(refused(&text.replace("TSAI\n", "")).contains("name of a lens"));
+    assert!(refused(&text.replace("VERSION_4", "VERSION_5")).contains("VERSION_5"));
+    assert!(refused(&text.replace("PINHOLE", "OPTICAL_BAR")).contains("OPTICAL_BAR"));
+    // Camera axes with Y up and the view along −Z, turned in R as well.
+    let turned = text
+        .replace("v_direction = 0 1 0", "v_direction = 0 -1 0")
+        .replace("w_direction = 0 0 1", "w_direction = 0 0 -1");
+    let line = turned.lines().find(|line| line.starts_with("R = ")).unwrap();
+    let r: Vec<f64> = line[4..].split(' ').map(|word| word.parse().unwrap()).collect();
+    let flipped: Vec<String> =
+        r.iter().enumerate().map(|(i, v)| if i % 3 == 0 { *v } else { -v }.to_string()).collect();
+    let found = read_text(&turned.replace(line, &format!("R = {}", flipped.join(" ")))).unwrap();
+    assert_pose(found.pose, "body_fixed", true);
+}
+
+#[test]
+fn asp_pinhole_of_before_version_4() {
+    let text = tsai();
+    let version_3 = text.replace("VERSION_4\nPINHOLE\n", "VERSION_3\n");
+    let version_2 = text.replace("VERSION_4\nPINHOLE\n", "VERSION_2\n").replace("TSAI\n", "");
+    let version_1 = version_2.replace("VERSION_2\n", "");
+    for text in [&version_3, &version_2, &version_1] {
+        let found = read_text(text).unwrap();
+        assert_same(&found.camera, &camera());
+        assert_pose(found.pose, "body_fixed", true);
+    }
+    let plain = "fu = 60\nfv = 60\ncu = 16\ncv = 16\nu_direction = 1 0 0\nv_direction = 0 1 0\nw_direction = 0 0 1\n\
+                 C = 1 2 3\nR = 1 0 0 0 1 0 0 0 1\nk1 = -0.33\nk2 = 0.12\np1 = 0.001\np2 = 0.002\n";
+    let found = read_text(plain).unwrap();
+    let camera = &found.camera;
+    assert_eq!(
+        (camera.fx, camera.cx, camera.distortion.k1, camera.distortion.p2),
+        (60.0, 16.5, -0.33, 0.002)
+    );
+    assert!(found.notes.iter().any(|note| note.contains("pitch")));
+    assert!(refused(&version_3.replace("pitch = 0.005\n", "")).contains("pitch"));
+    assert!(refused(&plain.replace("k1 = -0.33\n", "")).contains("k1"));
 }
 
 #[test]

@@ -17,7 +17,7 @@ use crate::judge::{GIVEN_TOLERANCE_PX, Judge};
 use crate::matching::{self, Match};
 use crate::prediction::{NoPose, Prediction};
 use crate::priors::KnownPose;
-use crate::relative_pose::{JudgedMatch, WHOLE_PIXEL_NOISE_PX};
+use crate::relative_pose::JudgedMatch;
 use crate::triangulate::matched;
 use selenograph_geometry::{CamA, CamB, Camera, Point3, Rigid3, mean_focal_px};
 use selenograph_pose::relative::{CannotSay, RelativeOptions, RelativePose};
@@ -187,7 +187,7 @@ impl Problem<'_> {
         let focal_px = mean_focal_px(self.cameras);
         let options = RelativeOptions {
             threshold: self.threshold_px() / focal_px,
-            least_noise: WHOLE_PIXEL_NOISE_PX * self.learned.grain.match_px / focal_px,
+            least_noise: self.learned.grain.noise_px / focal_px,
             per_evidence: self.learned.grain.per_patch(&self.learned.matches),
             seed: self.options.seed,
             ..RelativeOptions::default()

@@ -84,7 +84,7 @@ fn truth(cameras: [&Camera; 2], pose: &Rigid3<CamB, CamA>, places: Places) -> Le
         pointmaps: Some(pointmaps),
         matches,
         dense_matches: Some(dense),
-        grain: Grain { match_px: 1.0, patch_px: 16.0 },
+        grain: Grain::of_pixels(1.0, 16.0),
     }
 }
 
@@ -283,8 +283,8 @@ fn what_tells_nothing_gives_no_pose() {
             let smooth = Learned { grain, pointmaps: None, ..smooth.clone() };
             solve(cameras, &smooth, None, &LearnedOptions::default()).unwrap().prediction.cam_b_from_cam_a
         };
-        assert!(pose(Grain { match_px: 1.0, patch_px: 32.0 }).is_err(), "{seed}");
-        fooled += usize::from(pose(Grain { match_px: 1.0, patch_px: 0.0 }).is_ok());
+        assert!(pose(Grain::of_pixels(1.0, 32.0)).is_err(), "{seed}");
+        fooled += usize::from(pose(Grain::of_pixels(1.0, 0.0)).is_ok());
     }
     assert!(fooled > 0, "no seed shows it");
     // A given pose that fits nothing: no size can be told.

@@ -37,12 +37,22 @@ pub fn on_plane(cameras: [&Camera; 2], matches: &[Match]) -> Vec<relative::Match
 pub struct Grain {
     /// Side of a matched pixel in pixels of the pictures: above 1 for pictures that were made smaller.
     pub match_px: f64,
+    /// Standard deviation that a place has at least, pixels of the pictures: what no number of matches averages out.
+    pub noise_px: f64,
     /// Side, in pixels of the pictures, of the parts whose matches are decided together, such as a network's patches; 0 where each
     /// match stands for itself.
     pub patch_px: f64,
 }
 
+/// Standard deviation of a place that is rounded to the middle of its pixel, pixels.
+const WHOLE_PIXEL_NOISE_PX: f64 = 0.29;
+
 impl Grain {
+    /// Of places that are middles of matched pixels.
+    pub fn of_pixels(match_px: f64, patch_px: f64) -> Self {
+        Self { match_px, noise_px: WHOLE_PIXEL_NOISE_PX * match_px, patch_px }
+    }
+
     /// Matches that share a patch of picture A, on average.
     pub fn per_patch(&self, matches: &[Match]) -> f64 {
         if self.patch_px <= 0.0 || matches.is_empty() {

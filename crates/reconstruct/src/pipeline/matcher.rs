@@ -3,8 +3,7 @@
 use crate::View;
 use crate::features::intensity::Intensity;
 use crate::features::{orb, sift};
-use crate::learned::Learned;
-use crate::matching::{self, Match};
+use crate::matching::{self, Grain, Match};
 use crate::relative_pose::{self, OrbOptions, PairPose, SiftOptions};
 use selenograph_pose::relative::CannotSay;
 
@@ -16,7 +15,7 @@ pub(super) enum Matcher<'a> {
     /// Those of SIFT features.
     Sift,
     /// Those of a network, or of any matcher.
-    Given(&'a Learned),
+    Given(&'a [Match], Grain),
 }
 
 /// Matches that no pose has judged, and where they come from.
@@ -34,7 +33,7 @@ impl Matcher<'_> {
         match self {
             Self::Orb(orb) => relative_pose::orb(a, b, orb),
             Self::Sift => relative_pose::sift(a, b, options),
-            Self::Given(said) => relative_pose::of_matches(a, b, &said.matches, said.grain, options),
+            Self::Given(matches, grain) => relative_pose::of_matches(a, b, matches, grain, options),
         }
     }
 
@@ -53,8 +52,8 @@ impl Matcher<'_> {
                 let features = [a.keypoints.len(), b.keypoints.len()];
                 Found { matches: matching::sift(&a, &b, &options.matching), features, match_px: 1.0 }
             }
-            Self::Given(said) => {
-                Found { matches: said.matches.clone(), features: [0, 0], match_px: said.grain.match_px }
+            Self::Given(matches, grain) => {
+                Found { matches: matches.to_vec(), features: [0, 0], match_px: grain.match_px }
             }
         }
     }

@@ -7,6 +7,7 @@ mod matcher;
 
 use crate::evidence::{FocalKnowledge, FocalSource, PoseSource, Warning};
 use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
+use crate::matches_file::GivenMatches;
 use crate::matching::Match;
 use crate::prediction::NoPose;
 use crate::priors::Priors;
@@ -56,6 +57,11 @@ impl Method {
     /// Whether it needs what a network says of the pictures.
     pub fn needs_network(self) -> bool {
         matches!(self, Self::Mast3r | Self::Mast3rStereo)
+    }
+
+    /// Whether it takes given matches in place of features.
+    pub fn takes_matches(self) -> bool {
+        matches!(self, Self::Sift | Self::Stereo)
     }
 }
 
@@ -162,6 +168,8 @@ pub struct Input<'a> {
     pub views: [&'a View; 2],
     /// What a network, or any matcher, says of them: for the methods that need it.
     pub learned: Option<&'a LearnedInput>,
+    /// Matches of any matcher in place of features, for the methods `sift` and `stereo`.
+    pub matches: Option<&'a GivenMatches>,
 }
 
 /// A placed prediction and what it rests on.
@@ -190,7 +198,7 @@ pub struct Reconstruction {
 /// `progress` is told of each step that begins.
 ///
 /// # Errors
-/// [`Error::NoNetworkOutput`] for a method that needs it; [`Error::SizeMismatch`] for a camera or a pointmap of another size than its
+/// [`Error::NoNetworkOutput`] for a method that needs it; [`Error::Value`] for given matches with a method that does not take them; [`Error::SizeMismatch`] for a camera or a pointmap of another size than its
 /// picture; those of the scale source. Unless incomplete answers are kept: [`Error::CannotSay`] where the pictures do not tell a
 /// relative pose (too little in common, no parallax) and one is asked for, and those of dense stereo.
 pub fn reconstruct(
@@ -202,10 +210,20 @@ pub fn reconstruct(
     check(input.views)?;
     // Before minutes of work: a source that is asked for must be there.
     priors.scale_from()?;
+    if input.matches.is_some() && !options.method.takes_matches() {
+        return Err(Error::Value {
+            key: "matches",
+            expected: "the method `sift` or `stereo` with them",
+            found: format!("`{}`", options.method.as_str()),
+        });
+    }
     let matcher = match (options.method, input.learned) {
         (Method::Orb, _) => Matcher::Orb(&options.orb),
-        (Method::Sift | Method::Stereo, _) => Matcher::Sift,
-        (Method::Mast3rStereo, Some(said)) => Matcher::Given(&said.learned),
+        (Method::Sift | Method::Stereo, _) => match input.matches {
+            Some(given) => Matcher::Given(&given.matches, given.grain),
+            None => Matcher::Sift,
+        },
+        (Method::Mast3rStereo, Some(said)) => Matcher::Given(&said.learned.matches, said.learned.grain),
         (Method::Mast3r, Some(said)) => {
             progress(Stage::Pose);
             return from_arrays(said, priors, options)?.placed(priors, progress);

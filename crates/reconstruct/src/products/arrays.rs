@@ -2,8 +2,8 @@
 
 use super::input::ProductInput;
 use crate::Error;
+use crate::matches_file::score;
 use crate::prediction::PredictedView;
-use crate::relative_pose::JudgedMatch;
 use selenograph_geometry::PixelConvention;
 use selenograph_raster::codec::npz::{self, Array, Values};
 use std::collections::BTreeMap;
@@ -48,11 +48,6 @@ fn insert_view(arrays: &mut BTreeMap<String, Array>, view: &PredictedView, name:
     }
     let fill = view.fill.data.iter().map(|fill| *fill as u8).collect();
     insert("fill", &[height, width], Values::U8(fill));
-}
-
-/// Higher is better: the surest windows first.
-fn score(m: &JudgedMatch) -> f64 {
-    m.sigma_px.map_or(0.0, |sigma| -sigma)
 }
 
 /// Matches as pixels measured from the pictures' corners.

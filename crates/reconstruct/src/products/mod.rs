@@ -15,6 +15,7 @@ use crate::cloud::{self, Cloud, CloudOptions};
 use crate::grid::lift::Lifted;
 use crate::grid::{self, Completed, Dem, GridOptions};
 use crate::hazard::{self, Hazard, HazardMap, HazardOptions};
+use crate::matches_file;
 use crate::prediction::Fill;
 use crate::scale::ScaleSource;
 use rayon::prelude::*;
@@ -248,6 +249,12 @@ fn tasks(input: &ProductInput) -> Vec<Task> {
         tasks.push(Task {
             name: "matches.npz",
             write: |path, input, _| write_whole(path, &arrays::matches(input)?),
+        });
+        tasks.push(Task {
+            name: "matches.csv",
+            write: |path, input, _| {
+                write_whole(path, matches_file::encode(input.matches.unwrap_or_default()).as_bytes())
+            },
         });
     }
     tasks

@@ -75,7 +75,7 @@ fn every_file_is_there_and_can_be_read() {
         assert_eq!(summary, products.summary);
         assert_eq!(summary.metric, metric);
         assert_eq!(summary.crs.is_some(), name == "map");
-        assert_eq!(summary.files.len(), 11);
+        assert_eq!(summary.files.len(), 12);
         for file in &summary.files {
             assert_eq!(
                 std::fs::metadata(folder.join(&file.name)).unwrap().len(),
@@ -85,7 +85,7 @@ fn every_file_is_there_and_can_be_read() {
             );
         }
         let leftovers = std::fs::read_dir(&folder).unwrap().count();
-        assert_eq!(leftovers, 12, "files beside those of the summary");
+        assert_eq!(leftovers, 13, "files beside those of the summary");
         assert!(summary.measured[0] > 0.8 && summary.completed[0] > 0.1);
         let alignment = transform_file::read_alignment(&folder.join("transform.json")).unwrap();
         assert_eq!(alignment.world, if name == "map" { "moon_me" } else { "local" });

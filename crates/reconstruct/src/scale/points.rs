@@ -4,8 +4,8 @@
 //! known places is taken; three points that are not on a line are enough, from five on blunders are left out.
 
 use super::{Placement, ScaleSource, World};
-use crate::Error;
 use crate::prediction::{Fill, Prediction};
+use crate::Error;
 use selenograph_geometry::{Body, BodyFixed, CamA, Enu, Frame, Geodetic, Point3, PredA, Rigid3, Sim3, pixel};
 use selenograph_pose::similarity;
 use std::path::Path;
@@ -45,8 +45,8 @@ pub struct PointsFit {
 const MIN_ROBUST: usize = 5;
 
 impl KnownPoints {
-    /// Reads a CSV with a header: `u_px,v_px` and either `x_m,y_m,z_m` or `latitude_deg,longitude_deg,height_m` (then a
-    /// body is needed); other columns are left aside, lines that begin with `#` too.
+    /// Reads a CSV with a header: `u_px,v_px` and either `x_m,y_m,z_m` or `latitude_deg,longitude_deg,height_m` (on the
+    /// Moon where no body is given); other columns are left aside, lines that begin with `#` too.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for missing columns or cells that are no numbers.
@@ -72,11 +72,13 @@ impl KnownPoints {
             Some([x?, y?, z?])
         };
         let cartesian = columns(["x_m", "y_m", "z_m"]);
-        let geographic = columns(["latitude_deg", "longitude_deg", "height_m"]).zip(body);
+        let geographic = columns(["latitude_deg", "longitude_deg", "height_m"]);
+        let moon = Body::moon();
+        let body = body.or_else(|| (cartesian.is_none() && geographic.is_some()).then_some(&moon));
+        let geographic = geographic.zip(body);
         let pixels = columns(["u_px", "v_px", "u_px"]);
         let (Some([u, v, _]), true) = (pixels, cartesian.is_some() || geographic.is_some()) else {
-            let expected =
-                "columns u_px, v_px and x_m, y_m, z_m (or latitude_deg, longitude_deg, height_m with a body)";
+            let expected = "columns u_px, v_px and x_m, y_m, z_m (or latitude_deg, longitude_deg, height_m)";
             return Err(format(expected, format!("`{header}`")));
         };
         let mut points = Vec::new();

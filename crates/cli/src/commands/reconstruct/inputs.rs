@@ -8,6 +8,7 @@ use selenograph_raster::codec::picture::{PictureFile, read_picture};
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::camera_file::{self, PictureSize};
 use selenograph_reconstruct::evidence::FocalSource;
+use selenograph_reconstruct::exif::{self, Exif};
 use selenograph_reconstruct::pipeline::Reconstruction;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -19,8 +20,10 @@ const ASSUMED_FOV_DEG: f64 = 45.0;
 pub struct Pictures {
     pub views: [View; 2],
     pub paths: [PathBuf; 2],
-    /// Whether a camera was given; else the views' cameras hold a guess.
+    /// Whether a camera was given, or told by the pictures themselves; else the views' cameras hold a guess.
     pub camera_known: bool,
+    /// Where focal lengths come from that EXIF tells.
+    pub told: Option<FocalSource>,
     /// What had to be decided while reading.
     pub notes: Vec<String>,
 }
@@ -62,6 +65,7 @@ impl Reconstruct {
             &known.world_from_cam_b,
             &known.dem,
             &known.points,
+            &self.matches,
             &self.network.weights,
         ];
         let named = optional.into_iter().flatten().filter(|path| *path != Path::new(builtin::NAME)).cloned();
@@ -72,24 +76,43 @@ impl Reconstruct {
 /// Reads both pictures and finds their cameras.
 ///
 /// # Errors
-/// Files that are no pictures or no cameras; a picture of one grey level; a camera of another size than its picture; one camera
-/// for two sizes.
+/// Files that are no pictures or no cameras; a picture of one grey level, or stored mirrored; a camera of another size than its
+/// picture; one camera for two sizes.
 pub fn read(args: &Reconstruct) -> anyhow::Result<Pictures> {
     let [a, b] = [&args.a, &args.b].map(|path| picture(path));
     let (a, b) = (a?, b?);
     let mut notes = Vec::new();
-    let (cameras, camera_known) = cameras(&args.cameras, [&a, &b], &mut notes)?;
+    let tags = [upright(&a, &mut notes)?, upright(&b, &mut notes)?];
+    let found = cameras(&args.cameras, [&a, &b], tags, &mut notes)?;
     for file in [&a, &b] {
         let name = file.path.display();
         notes.extend(file.notes.iter().map(|note| format!("`{name}`: {note}")));
     }
-    let [camera_a, camera_b] = cameras;
+    let [camera_a, camera_b] = found.cameras;
     Ok(Pictures {
         views: [View { image: a.grey, camera: camera_a }, View { image: b.grey, camera: camera_b }],
         paths: [args.a.clone(), args.b.clone()],
-        camera_known,
+        camera_known: found.known,
+        told: found.told,
         notes,
     })
+}
+
+/// What EXIF tells of a picture, and that it is not stored mirrored.
+fn upright(file: &PictureFile, notes: &mut Vec<String>) -> anyhow::Result<Exif> {
+    let tags = exif::read(&file.data_path)?.unwrap_or_default();
+    let name = file.path.display();
+    if tags.is_mirrored() {
+        return Err(refuse(
+            format!(
+                "`{name}` is stored mirrored (EXIF orientation {}): no camera shows the world so",
+                tags.orientation
+            ),
+            "store it upright, for example with `magick mogrify -auto-orient`",
+        ));
+    }
+    notes.extend(tags.turned().map(|turned| format!("`{name}`: {turned}")));
+    Ok(tags)
 }
 
 fn picture(path: &Path) -> anyhow::Result<PictureFile> {
@@ -110,26 +133,39 @@ fn picture(path: &Path) -> anyhow::Result<PictureFile> {
     ))
 }
 
+/// Cameras and where they come from.
+struct Found {
+    cameras: [Camera; 2],
+    known: bool,
+    told: Option<FocalSource>,
+}
+
+impl Found {
+    fn given(cameras: [Camera; 2]) -> Self {
+        Self { cameras, known: true, told: None }
+    }
+}
+
 fn cameras(
     choice: &Cameras,
     files: [&PictureFile; 2],
+    tags: [Exif; 2],
     notes: &mut Vec<String>,
-) -> anyhow::Result<([Camera; 2], bool)> {
+) -> anyhow::Result<Found> {
+    let named = [&choice.camera, &choice.camera_a].into_iter().any(Option::is_some);
+    let is_given = named || choice.focal_px.or(choice.fov_deg).is_some();
+    if !is_given && let Some(told) = told(tags, files, notes)? {
+        return Ok(told);
+    }
     let sizes = files.map(|file| [file.grey.width, file.grey.height]);
     let mut read = |path: &Path, k: usize| -> anyhow::Result<Camera> {
-        let name = files[k].path.file_name().map(|name| name.to_string_lossy().into_owned());
         let [width, height] = sizes[k];
-        let size = PictureSize::new(width, height);
-        let size = match &name {
-            Some(name) => size.named(name),
-            None => size,
-        };
-        let file = camera_file::read(path, &size)?;
+        let file = camera_file::read(path, &PictureSize::new(width, height).at(&files[k].path))?;
         notes.extend(file.notes.iter().map(|note| format!("`{}`: {note}", path.display())));
         Ok(file.camera)
     };
     if let (Some(a), Some(b)) = (&choice.camera_a, &choice.camera_b) {
-        return Ok(([read(a, 0)?, read(b, 1)?], true));
+        return Ok(Found::given([read(a, 0)?, read(b, 1)?]));
     }
     let [[width, height], other] = sizes;
     if [width, height] != other {
@@ -143,7 +179,7 @@ fn cameras(
     }
     if let Some(path) = &choice.camera {
         // A list of cameras may hold one for each picture.
-        return Ok(([read(path, 0)?, read(path, 1)?], true));
+        return Ok(Found::given([read(path, 0)?, read(path, 1)?]));
     }
     let (camera, known) = if let Some(focal_px) = choice.focal_px {
         let fov_rad = 2.0 * (width as f64 / (2.0 * focal_px)).atan();
@@ -153,5 +189,23 @@ fn cameras(
         let fov_deg = choice.fov_deg.unwrap_or(ASSUMED_FOV_DEG);
         (Camera::from_fov(width, height, fov_deg.to_radians())?, choice.fov_deg.is_some())
     };
-    Ok(([camera.clone(), camera], known))
+    Ok(Found { cameras: [camera.clone(), camera], known, told: None })
+}
+
+/// The cameras that EXIF tells; what only one of two pictures of one size tells is taken for both.
+fn told(tags: [Exif; 2], files: [&PictureFile; 2], notes: &mut Vec<String>) -> anyhow::Result<Option<Found>> {
+    let sizes = files.map(|file| [file.grey.width, file.grey.height]);
+    let own = [0, 1].map(|k| tags[k].focal(sizes[k][0], sizes[k][1]));
+    let other = |k: usize| own[1 - k].as_ref().filter(|_| sizes[0] == sizes[1]);
+    let (Some(a), Some(b)) = (own[0].as_ref().or(other(0)), own[1].as_ref().or(other(1))) else {
+        return Ok(None);
+    };
+    for (k, focal) in [a, b].into_iter().enumerate() {
+        let whose = if own[k].is_some() { "EXIF" } else { "EXIF of the other picture" };
+        let name = files[k].path.display();
+        notes.push(format!("`{name}`: focal length {:.1} px: {whose} has {}", focal.focal_px[0], focal.how));
+    }
+    let source = FocalSource::Exif { focal_px: [a.focal_px[0], b.focal_px[0]] };
+    let cameras = [a.camera(sizes[0][0], sizes[0][1])?, b.camera(sizes[1][0], sizes[1][1])?];
+    Ok(Some(Found { cameras, known: true, told: Some(source) }))
 }

@@ -1,8 +1,8 @@
 //! What is known of where the pictures were taken, from the command line and the files it names.
 
+use super::inputs::Pictures;
 use crate::args::reconstruct::Known;
 use crate::exit::refuse;
-use anyhow::Context;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
@@ -37,7 +37,9 @@ pub struct Summary {
 ///
 /// # Errors
 /// Files that are no poses, elevation models or points; poses of different worlds; a source of size that is not there.
-pub fn priors(known: &Known, sizes: [[usize; 2]; 2]) -> anyhow::Result<(Priors, Summary)> {
+pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Summary)> {
+    let sizes = pictures.sizes();
+    let places = [0, 1].map(|k| PictureSize::new(sizes[k][0], sizes[k][1]).at(&pictures.paths[k]));
     let mut priors = Priors {
         baseline: length("--baseline-m", known.baseline_m, known.baseline_sigma_m)?,
         altitude: length("--altitude-m", known.altitude_m, known.altitude_sigma_m)?,
@@ -56,10 +58,10 @@ pub fn priors(known: &Known, sizes: [[usize; 2]; 2]) -> anyhow::Result<(Priors, 
             Some(KnownPose { cam_b_from_cam_a: pose.cam_b_from_cam_a, metric: pose.metric });
     }
     if let Some(path) = &known.world_from_cam_a {
-        let pose = world_pose(path, sizes[0])?;
+        let pose = world_pose(path, &places[0])?;
         priors.world = world(&pose);
         if let Some(other) = &known.world_from_cam_b {
-            priors.cam_b_from_cam_a = Some(relative(path, &pose, other, sizes[1])?);
+            priors.cam_b_from_cam_a = Some(relative(path, &pose, other, &places[1])?);
         }
         summary.world = Some(pose.world);
     } else if let Some(up) = known.up_in_cam_a {
@@ -92,8 +94,8 @@ fn length(name: &str, metres: Option<f64>, sigma_m: Option<f64>) -> anyhow::Resu
     ))
 }
 
-fn world_pose(path: &Path, [width, height]: [usize; 2]) -> anyhow::Result<WorldPose> {
-    let file = camera_file::read(path, &PictureSize::new(width, height))?;
+fn world_pose(path: &Path, picture: &PictureSize) -> anyhow::Result<WorldPose> {
+    let file = camera_file::read(path, picture)?;
     file.pose.ok_or_else(|| {
         refuse(
             format!("`{}` holds a camera without a place", path.display()),
@@ -118,8 +120,8 @@ fn world(pose: &WorldPose) -> World {
     }
 }
 
-fn relative(path: &Path, pose: &WorldPose, other: &Path, size: [usize; 2]) -> anyhow::Result<KnownPose> {
-    let second = world_pose(other, size)?;
+fn relative(path: &Path, pose: &WorldPose, other: &Path, picture: &PictureSize) -> anyhow::Result<KnownPose> {
+    let second = world_pose(other, picture)?;
     if second.world != pose.world || second.metric != pose.metric {
         return Err(refuse(
             format!(
@@ -164,14 +166,9 @@ fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
 
 /// Known points from a table; those with a latitude are on the body of the first camera, or on the Moon.
 fn points(path: &Path, world: &World) -> anyhow::Result<KnownPoints> {
-    let text = selenograph_raster::file::read_to_string(path)
-        .with_context(|| format!("cannot read points `{}`", path.display()))?;
-    let header = text.lines().find(|line| !line.trim().is_empty() && !line.trim_start().starts_with('#'));
-    let moon = Body::moon();
     let body = match world {
         World::Body { body, .. } => Some(body),
-        _ if header.is_some_and(|line| line.contains("latitude_deg")) => Some(&moon),
-        _ => None,
+        World::Level(_) | World::Unknown => None,
     };
     Ok(KnownPoints::read_csv(path, body)?)
 }

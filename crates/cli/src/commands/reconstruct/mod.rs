@@ -5,8 +5,10 @@ mod known;
 mod network_choice;
 mod pose_file;
 mod report;
+mod scene;
 
 use super::clock::instant;
+use super::data_check::convention;
 use super::network;
 use super::run_record::{NO_OUTCOME, write_record};
 use crate::args::reconstruct::{ProductChoice, Reconstruct};
@@ -19,6 +21,7 @@ use selenograph_reconstruct::evidence::FocalKnowledge;
 use selenograph_reconstruct::grid::{Completed, GridOptions};
 use selenograph_reconstruct::hazard::HazardOptions;
 use selenograph_reconstruct::learned::LearnedOptions;
+use selenograph_reconstruct::matches_file::GivenMatches;
 use selenograph_reconstruct::pipeline::{self, Input, Method, Options, Reconstruction, Stage};
 use selenograph_reconstruct::products::{self, ProductInput, ProductOptions, Products};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
@@ -42,6 +45,10 @@ pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
         "cloud.glb",
         "pointmaps.npz",
         "matches.npz",
+        "matches.csv",
+        "colmap/*.txt",
+        "colmap/*.bin",
+        "nerfstudio/transforms.json",
         "dem.tif",
         "dem_sigma.tif",
         "slope.tif",
@@ -82,14 +89,21 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         network::unused(&args.network)?;
         None
     };
+    if args.matches.is_some() && !args.method.takes_matches() {
+        return Err(refuse(
+            format!("--matches is for the methods `stereo` and `sift`, not `{}`", args.method.as_str()),
+            "leave out --method, or --matches",
+        ));
+    }
     let draft = args.target.folder(&RECONSTRUCTION)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
-    let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, pictures.sizes()))?;
+    let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, &pictures))?;
     let options = options(args, &pictures);
     let product_options = product_options(&args.products, args.complete);
     for note in &pictures.notes {
         ui.note(&format!("note: {note}"));
     }
+    let matches = matches(args, &pictures, ui)?;
     let (said, network) = match network {
         Some(choice) => {
             let checkpoint = choice.open(args, &pictures, ui)?;
@@ -101,9 +115,13 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         }
         None => (None, None),
     };
-    let input = Input { views: pictures.views.each_ref(), learned: said.as_ref() };
-    let found = with_stages(ui, |progress| pipeline::reconstruct(&input, &priors, &options, progress))
+    let input = Input { views: pictures.views.each_ref(), learned: said.as_ref(), matches: matches.as_ref() };
+    let mut found = with_stages(ui, |progress| pipeline::reconstruct(&input, &priors, &options, progress))
         .map_err(|error| with_network_in_mind(error, args.method))?;
+    if let Some(told) = pictures.told {
+        found.focal = told;
+        found.warnings.extend(told.warning());
+    }
     for warning in &found.warnings {
         ui.note(&format!("note: {warning}"));
     }
@@ -113,6 +131,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     if pose.is_some() {
         write(folder, "pose.json", &pose_file::transform(&found).to_json()?)?;
     }
+    ui.timed("scene", || scene::write(folder, &args.target.out, &pictures, &found))?;
     let answer = Answer {
         pictures: pictures.paths.each_ref().map(|path| path.display().to_string()),
         pose: pose.clone(),
@@ -141,6 +160,14 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let shown = if args.products.no_report { "products.json" } else { "report.html" };
     ui.note(&format!("{}/{shown}", args.target.out.display()));
     Ok(Outcome::Done)
+}
+
+/// The matches of a file, in place of features.
+fn matches(args: &Reconstruct, pictures: &Pictures, ui: &Ui) -> anyhow::Result<Option<GivenMatches>> {
+    let Some(path) = &args.matches else { return Ok(None) };
+    let given = GivenMatches::read(path, pictures.sizes(), convention(args.matches_convention))?;
+    ui.note(&format!("note: `{}`: {}", path.display(), given.sentence()));
+    Ok(Some(given))
 }
 
 /// Features are of light and shade: under another Sun they have nothing in common, and a network's matches may.

@@ -1,9 +1,11 @@
-//! `data export`: the paper's triplets.
+//! `data export`: the paper's triplets, a COLMAP model, nerfstudio's `transforms.json`.
+
+mod scene;
 
 use super::data_check::convention;
 use super::run_record::{NO_OUTCOME, write_record};
-use crate::args::data::Export;
-use crate::exit::Outcome;
+use crate::args::data::{Export, ExportFormat};
+use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
 use selenograph_dataset::export::stereolunar::{ExportOptions, export_dataset};
 use selenograph_dataset::pair::read_json;
@@ -31,8 +33,18 @@ struct Settings<'a> {
 /// Exports.
 ///
 /// # Errors
-/// A dataset without pairs, a split that cannot be read, a target that cannot be written.
+/// A dataset without pairs, a split that cannot be read or is not for this format, a target that cannot be written.
 pub fn run(args: &Export, ui: &Ui) -> anyhow::Result<Outcome> {
+    if args.format == ExportFormat::Triplets {
+        return triplets(args, ui);
+    }
+    if args.split.is_some() {
+        return Err(refuse("--split is for triplets", "leave it out, or leave out --format"));
+    }
+    scene::run(args, ui)
+}
+
+fn triplets(args: &Export, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = args.target.folder(&TRIPLETS)?;
     let split: Option<Split> = args.split.as_deref().map(read_json).transpose()?;
     let options = ExportOptions { k_convention: convention(args.k_convention), ..ExportOptions::default() };
