@@ -303,7 +303,8 @@ mod tests {
         let known = KnownPoints::parse_csv(text, Some(&body), path).unwrap();
         assert_eq!(known.points[0].pixel, [1.0, 2.0]);
         assert!((body.place(&known.points[0].place).height_m - 5.0).abs() < 1e-6);
-        assert!(KnownPoints::parse_csv(text, None, path).is_err());
+        // A latitude without a body is one of the Moon.
+        assert_eq!(KnownPoints::parse_csv(text, None, path).unwrap(), known);
         let local = KnownPoints::parse_csv("u_px,v_px,x_m,y_m,z_m\n1,2,3,4,5\n", None, path).unwrap();
         assert_eq!(local.points[0].place, Point3::new(3.0, 4.0, 5.0));
         for broken in [
