@@ -4,8 +4,8 @@
 //! known places is taken; three points that are not on a line are enough, from five on blunders are left out.
 
 use super::{Placement, ScaleSource, World};
-use crate::prediction::{Fill, Prediction};
 use crate::Error;
+use crate::prediction::{Fill, Prediction};
 use selenograph_geometry::{Body, BodyFixed, CamA, Enu, Frame, Geodetic, Point3, PredA, Rigid3, Sim3, pixel};
 use selenograph_pose::similarity;
 use std::path::Path;
