@@ -8,7 +8,7 @@ use crate::escape::escape;
 pub struct Column {
     /// Heading, with the unit where there is one.
     pub name: String,
-    /// What the numbers are; printed below the table.
+    /// What the numbers are; folded below the table.
     pub definition: Option<String>,
     /// Numbers stand on the right.
     pub numeric: bool,
@@ -68,7 +68,14 @@ impl<T: Into<String>> From<T> for Cell {
 pub struct Table {
     caption: String,
     columns: Vec<Column>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Row>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Row {
+    /// What the rows below have in common.
+    Group(String),
+    Cells(Vec<Cell>),
 }
 
 impl Table {
@@ -82,7 +89,8 @@ impl Table {
         caption: impl Into<String>,
         facts: impl IntoIterator<Item = (N, V)>,
     ) -> Self {
-        let rows = facts.into_iter().map(|(name, value)| vec![Cell::from(name.into()), value.into()]);
+        let rows =
+            facts.into_iter().map(|(name, value)| Row::Cells(vec![Cell::from(name.into()), value.into()]));
         Self {
             caption: caption.into(),
             columns: vec![Column::default(), Column::default()],
@@ -103,8 +111,14 @@ impl Table {
                 found: cells.len(),
             });
         }
-        self.rows.push(cells);
+        self.rows.push(Row::Cells(cells));
         Ok(self)
+    }
+
+    /// Begins a group of rows, with a heading of its own over all columns.
+    pub fn group(&mut self, heading: impl Into<String>) -> &mut Self {
+        self.rows.push(Row::Group(heading.into()));
+        self
     }
 
     /// Whether there is no row.
@@ -112,7 +126,7 @@ impl Table {
         self.rows.is_empty()
     }
 
-    /// As HTML, definitions below.
+    /// As HTML: a wide table scrolls below its first column, definitions are folded away.
     pub fn html(&self) -> String {
         let mut out = String::from("<div class=\"table\"><table>\n");
         if !self.caption.is_empty() {
@@ -132,6 +146,17 @@ impl Table {
         }
         out += "<tbody>\n";
         for row in &self.rows {
+            let row = match row {
+                Row::Cells(row) => row,
+                Row::Group(heading) => {
+                    let num = self.columns.len();
+                    out += &format!(
+                        "<tr class=\"group\"><th colspan=\"{num}\"><span>{}</span></th></tr>\n",
+                        escape(heading)
+                    );
+                    continue;
+                }
+            };
             let cells = row.iter().zip(&self.columns).map(|(cell, column)| {
                 let small = cell.small.as_ref().map(|s| format!("<small>{}</small>", escape(s)));
                 format!(
@@ -153,7 +178,10 @@ impl Table {
             })
             .collect();
         if !defined.is_empty() {
-            out += &format!("<dl class=\"definitions\">{}</dl>\n", defined.join("\n"));
+            out += &format!(
+                "<details><summary>What the columns are</summary><dl class=\"definitions\">{}</dl></details>\n",
+                defined.join("\n")
+            );
         }
         out + "</div>\n"
     }

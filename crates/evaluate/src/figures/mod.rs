@@ -1,5 +1,5 @@
-//! The paper's figures of an item: methods side by side, depth in viridis, slope in heat, hillshaded pointmaps, clouds in red
-//! and green, a profile with the truth in red and the prediction in brown.
+//! The paper's figures of an item: methods side by side, depth in viridis, slope in heat, hillshaded pointmaps, clouds in orange
+//! and blue, a profile with the truth in black and the prediction in orange, and their difference below it.
 
 mod cloud;
 mod maps;
@@ -13,7 +13,7 @@ use crate::pair_metrics::{self, PreparedTruth, Region};
 use maps::Maps;
 use selenograph_raster::codec::png;
 use selenograph_raster::{Raster, statistics};
-use selenograph_report::chart::{Profile, profile};
+use selenograph_report::chart::{Profile, profile, residual};
 use selenograph_report::figure::Grid;
 use selenograph_report::{Axis, Figure, Picture};
 use std::path::Path;
@@ -35,8 +35,10 @@ pub struct ItemFigures {
     pub name: String,
     /// Views, truth and every method with points: depth, slope, hillshade, clouds.
     pub grid: String,
-    /// The central profile of each method with points.
-    pub profiles: Vec<(&'static str, String)>,
+    /// The central profile of each method with points, and below it how far it is off.
+    pub profiles: Vec<(&'static str, [String; 2])>,
+    /// Ends of the colours of depth.
+    depth_range_m: [f64; 2],
     /// Every picture of the grid, by name, for files.
     pictures: Vec<(String, Raster<[u8; 3]>)>,
 }
@@ -81,8 +83,9 @@ impl ItemFigures {
         std::fs::create_dir_all(folder).map_err(Error::io("make", folder))?;
         let write = |name: &str, bytes: &[u8]| selenograph_files::write(&folder.join(name), bytes);
         write("grid.svg", self.grid.as_bytes())?;
-        for (method, svg) in &self.profiles {
-            write(&format!("profile_{method}.svg"), svg.as_bytes())?;
+        for (method, [profile, residual]) in &self.profiles {
+            write(&format!("profile_{method}.svg"), profile.as_bytes())?;
+            write(&format!("residual_{method}.svg"), residual.as_bytes())?;
         }
         for (name, picture) in &self.pictures {
             write(&format!("{name}.png"), &png::encode_rgb8(picture)?)?;
@@ -95,14 +98,16 @@ impl ItemFigures {
         let grid = Figure::svg(
             self.grid.clone(),
             &format!(
-                "{}. Depth in viridis, slope in heat (0 to 40°), hillshade of the points, the cloud (view A red, view B green); grey: no answer.",
-                self.name
+                "{}. Depth in viridis ({:.2} km dark to {:.2} km bright), slope in heat (0 to 40°), hillshade of the points, the cloud (view A orange, view B blue); grey: no answer.",
+                self.name,
+                self.depth_range_m[0] / 1e3,
+                self.depth_range_m[1] / 1e3
             ),
         );
-        let profiles = self.profiles.iter().map(|(method, svg)| {
+        let profiles = self.profiles.iter().map(|(method, svgs)| {
             Figure::svg(
-                svg.clone(),
-                &format!("Central row of view A, {method}: world Z, truth in red, prediction in brown."),
+                svgs.concat(),
+                &format!("Central row of view A, {method}: world Z, truth in black, prediction in orange; below it their difference."),
             )
         });
         std::iter::once(grid).chain(profiles).collect()
@@ -177,13 +182,12 @@ fn assemble(
     let columns: Vec<f64> = (0..truth.len()).map(|x| x as f64).collect();
     let profiles = drawn.iter().skip(1).map(|d| {
         let prediction = over_mean(d.maps.profile_m());
-        let chart = profile(
-            &format!("Central row, {}", d.name),
-            Axis::new("column (px)"),
-            Axis::new("world Z over the true mean (m)"),
-            &Profile { distance: &columns, truth: Some(&truth), prediction: &prediction, sigma: None },
-        );
-        (d.name, chart.svg())
+        let shown = Profile { distance: &columns, truth: Some(&truth), prediction: &prediction, sigma: None };
+        let (x, title) = (|| Axis::new("column (px)"), format!("Central row, {}", d.name));
+        let chart = profile(&title, x(), Axis::new("world Z over the true mean (m)"), &shown);
+        let off = residual(x(), Axis::new("off (m)"), &shown);
+        (d.name, [chart.svg(), off.map(|chart| chart.svg()).unwrap_or_default()])
     });
-    Ok(ItemFigures { name, grid: grid.svg(), profiles: profiles.collect(), pictures })
+    let profiles = profiles.collect();
+    Ok(ItemFigures { name, grid: grid.svg(), profiles, depth_range_m: range, pictures })
 }

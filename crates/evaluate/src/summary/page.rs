@@ -1,5 +1,6 @@
 //! `report.html` of an evaluation: one page that holds everything.
 
+use super::overview::{overview, overview_table};
 use super::{MethodLines, Results};
 use crate::Error;
 use crate::dataset_source::Source;
@@ -46,6 +47,9 @@ pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
         methods.len(),
         completed.skipped.len()
     ));
+    page.section("Summary");
+    let (table, sentences) = overview_table(&overview(methods, contents.completed))?;
+    page.table(&table).list(sentences);
     page.section("Methods");
     page.table(&methods_table(contents)?);
     if let Some(told) = &source.pixels.told {
@@ -73,17 +77,11 @@ pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
 }
 
 fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
-    let columns = [
-        Column::text("method"),
-        Column::text("settings"),
-        Column::number("items"),
-        Column::number("s per item"),
-    ];
+    let columns = [Column::text("method"), Column::text("settings"), Column::number("items")];
     let mut table = Table::new("", columns);
-    for (method, seconds) in contents.methods.iter().zip(&contents.completed.seconds_per_item) {
-        let seconds = seconds.map_or("–".into(), |seconds| number::significant(seconds, 3));
-        let cells: [String; 4] =
-            [method.method.as_str().into(), method.settings.clone(), method.lines.len().to_string(), seconds];
+    for method in contents.methods {
+        let cells: [String; 3] =
+            [method.method.as_str().into(), method.settings.clone(), method.lines.len().to_string()];
         table.row(cells.map(Cell::from))?;
     }
     Ok(table)

@@ -61,7 +61,7 @@ pub struct Profile<'a> {
     pub sigma: Option<&'a [f64]>,
 }
 
-/// A profile: truth in red, prediction in brown with a band of one sigma. NaN breaks the lines.
+/// A profile: truth in black, prediction in orange with a band of one sigma. NaN breaks the lines.
 pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
     let along = |values: &[f64]| -> Vec<[f64; 2]> {
         profile.distance.iter().zip(values).map(|(d, v)| [*d, *v]).collect()
@@ -80,4 +80,13 @@ pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
         chart = chart.line("truth", TRUTH, along(truth));
     }
     chart.line("prediction", PREDICTION, along(profile.prediction))
+}
+
+/// The strip below a profile: prediction minus truth, which the profile hides where both coincide; `None` without a truth.
+pub fn residual(x: Axis, y: Axis, profile: &Profile<'_>) -> Option<Chart> {
+    let off = profile.prediction.iter().zip(profile.truth?).map(|(prediction, truth)| prediction - truth);
+    let points: Vec<[f64; 2]> = profile.distance.iter().zip(off).map(|(d, v)| [*d, v]).collect();
+    let ends = [profile.distance.first(), profile.distance.last()].map(|end| end.copied().unwrap_or(0.0));
+    let chart = Chart::new("prediction − truth", x, y).size(900.0, 150.0);
+    Some(chart.dashed("", QUIET, ends.map(|end| [end, 0.0]).to_vec()).line("", PREDICTION, points))
 }
