@@ -1,55 +1,10 @@
 //! A file that is whole or not there.
 
+use crate::names::{is_at, partial_of};
 use crate::{Error, leftovers};
-use std::ffi::OsString;
 use std::fs::File;
-use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-
-const PARTIAL: &str = ".partial";
-const REPLACED: &str = ".replaced";
-pub(crate) const LOCK: &str = ".lock";
-
-fn beside(target: &Path, ending: &str) -> PathBuf {
-    let mut name = OsString::from(".");
-    name.push(target.file_name().unwrap_or_default());
-    name.push(ending);
-    target.with_file_name(name)
-}
-
-/// Where a file or folder is while it is made.
-pub(crate) fn partial_of(target: &Path) -> PathBuf {
-    beside(target, PARTIAL)
-}
-
-/// Where a folder is while another takes its place.
-pub(crate) fn replaced_of(target: &Path) -> PathBuf {
-    beside(target, REPLACED)
-}
-
-pub(crate) fn lock_of(target: &Path) -> PathBuf {
-    beside(target, LOCK)
-}
-
-/// Whether a name is one of those that are given here to what is not finished.
-pub(crate) fn is_own_name(name: &str) -> bool {
-    name.starts_with('.') && [PARTIAL, REPLACED, LOCK].iter().any(|ending| name.ends_with(ending))
-}
-
-/// What a draft of this name is to become.
-pub(crate) fn draft_name(name: &str) -> Option<&str> {
-    name.strip_prefix('.')?.strip_suffix(PARTIAL)
-}
-
-/// Removes a file, a link, or a folder with all that is in it; there may be none.
-pub(crate) fn remove(path: &Path) -> std::io::Result<()> {
-    let is_folder = match path.symlink_metadata() {
-        Ok(found) => found.is_dir(),
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
-    };
-    if is_folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }
-}
 
 /// Writes a file in one go: whoever looks sees the old one or the new one, whole.
 ///
@@ -84,7 +39,7 @@ impl FileDraft {
                 open.read(true).write(true).create(true).truncate(false).open(&partial).map_err(refused)?;
             // Where the file system knows no locks, a file is as safe as one process makes it.
             let _ = file.lock();
-            if crate::lock::is_at(&file, &partial) {
+            if is_at(&file, &partial) {
                 file.set_len(0).map_err(refused)?;
                 leftovers::note(&partial);
                 return Ok(Self { target: target.to_owned(), partial, file, committed: false });

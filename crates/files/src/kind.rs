@@ -1,7 +1,7 @@
 //! How a command knows its own work again: only that is replaced.
 
 use crate::Error;
-use crate::draft::is_own_name;
+use crate::names::is_own_name;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};

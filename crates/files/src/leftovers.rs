@@ -32,8 +32,8 @@ pub(crate) fn forget(path: &Path) {
 pub fn abandon() {
     for path in begun(std::mem::take).iter().rev() {
         let is_draft =
-            path.file_name().is_some_and(|name| crate::draft::is_own_name(&name.to_string_lossy()));
-        let gone = || if is_draft { crate::draft::remove(path) } else { std::fs::remove_dir(path) };
+            path.file_name().is_some_and(|name| crate::names::is_own_name(&name.to_string_lossy()));
+        let gone = || if is_draft { crate::names::remove(path) } else { std::fs::remove_dir(path) };
         let _ = (0..TRIES).any(|_| gone().is_ok());
     }
 }

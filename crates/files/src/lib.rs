@@ -23,6 +23,7 @@ mod error;
 mod kind;
 mod leftovers;
 mod lock;
+mod names;
 pub mod record;
 mod target;
 

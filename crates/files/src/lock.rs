@@ -1,5 +1,6 @@
 //! A place is written by one process at a time. The lock is the system's own on an open file: it dies with its process.
 
+use crate::names::is_at;
 use crate::{Error, leftovers};
 use std::fs::{File, TryLockError};
 use std::io::Write;
@@ -71,21 +72,4 @@ fn holder(path: &Path) -> String {
         Some((command, process)) => format!("`selenograph {command}` (process {})", process.trim_end()),
         None => "another process".to_owned(),
     }
-}
-
-/// Whether an open file is still the one of that name: another process may have renamed or removed it before the lock was got.
-#[cfg(unix)]
-pub(crate) fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let place = |found: std::fs::Metadata| (found.dev(), found.ino());
-    match (file.metadata(), std::fs::metadata(path)) {
-        (Ok(held), Ok(named)) => place(held) == place(named),
-        _ => false,
-    }
-}
-
-/// Elsewhere an open file keeps its name.
-#[cfg(not(unix))]
-pub(crate) fn is_at(_file: &File, _path: &Path) -> bool {
-    true
 }

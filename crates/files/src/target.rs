@@ -1,7 +1,7 @@
 //! The places that commands are asked to write to.
 
-use crate::draft::{LOCK, draft_name, lock_of, partial_of, remove, replaced_of};
 use crate::lock::Lock;
+use crate::names::{LOCK, draft_name, lock_of, partial_of, remove, replaced_of};
 use crate::{Error, Existing, FileKind, FolderKind, leftovers};
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub fn is_occupied(target: &Path) -> bool {
     match std::fs::read_dir(target) {
         Ok(entries) => {
-            entries.flatten().any(|e| !crate::draft::is_own_name(&e.file_name().to_string_lossy()))
+            entries.flatten().any(|e| !crate::names::is_own_name(&e.file_name().to_string_lossy()))
         }
         Err(_) => target.symlink_metadata().is_ok(),
     }

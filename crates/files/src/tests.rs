@@ -73,7 +73,7 @@ fn as_child() {
         "replacement" => {
             // Between the two steps of `commit`.
             let _draft = FolderDraft::claim(&dir.join("out"), &FOLDER, Existing::Replace).unwrap();
-            std::fs::rename(dir.join("out"), draft::replaced_of(&dir.join("out"))).unwrap();
+            std::fs::rename(dir.join("out"), names::replaced_of(&dir.join("out"))).unwrap();
             wait()
         }
         "held" => {

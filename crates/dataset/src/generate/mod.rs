@@ -98,7 +98,7 @@ pub fn generate(
     let mut record = RunRecord::new(folder::COMMAND, &settings);
     record.started = options.started.as_deref();
     record.inputs = options.inputs.clone();
-    for (name, text) in [(CAMPAIGN_NAME, &campaign_toml), (PLAN_NAME, &plan_csv)] {
+    for (name, text) in [(CAMPAIGN_NAME, &campaign_toml), (folder::PLAN_NAME, &plan_csv)] {
         record.inputs.insert(name.into(), checksum::of_bytes(text.as_bytes()).to_string());
     }
     folder::prepare(folder, options.shard, &record, &campaign_toml, &plan_csv)?;

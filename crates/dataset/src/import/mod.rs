@@ -4,7 +4,10 @@
 //! A light that lacks a file, or whose geometry is not that of the others, is left out and listed; nothing is invented
 //! that the triplets do not hold (normals, slopes, shadow masks, exposures).
 
+mod options;
 mod triplets;
+
+pub use options::ImportOptions;
 
 use crate::Error;
 use crate::generate::folder::{PAIRS, write_pair};
@@ -18,30 +21,6 @@ use selenograph_geometry::{Body, PixelConvention};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// How to import.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ImportOptions {
-    /// The body of the triplets, which do not name it.
-    pub body: Body,
-    /// Where their camera matrices put the first pixel's centre.
-    pub k_convention: PixelConvention,
-    /// Which Suns are recorded.
-    pub suns: ImportedSuns,
-    /// When the run began, for the record.
-    pub started: Option<String>,
-}
-
-impl Default for ImportOptions {
-    fn default() -> Self {
-        Self {
-            body: Body::moon(),
-            k_convention: PixelConvention::Corner,
-            suns: ImportedSuns::Unknown,
-            started: None,
-        }
-    }
-}
 
 /// What an import has written.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]

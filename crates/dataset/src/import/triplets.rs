@@ -1,6 +1,6 @@
 //! One pair of triplets, read whole and turned into the files of our own layout.
 
-use super::ImportOptions;
+use super::options::ImportOptions;
 use crate::Error;
 use crate::check::reprojection::{self, DepthView, warp};
 use crate::pair::{

@@ -8,9 +8,11 @@
 pub mod dequantise;
 pub mod fit;
 pub mod report;
+mod settings;
 pub mod surface;
 
-pub use report::{ImageFit, Limits, Report, Skipped};
+pub use report::{ImageFit, Report, Skipped};
+pub use settings::{Limits, Settings, SunAngles};
 
 use crate::Error;
 use crate::pair::{Trajectory, ViewName};
@@ -18,23 +20,12 @@ use crate::stored::triplets::{read_picture, trajectory_of};
 use crate::stored::{self, ReadOptions, StoredPair, Triplet, TripletPair, grey8};
 use fit::Agreement;
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
+use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, Rigid3};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::png;
-use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use surface::ViewSurface;
-
-/// Where the Sun stands, seen from the site.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SunAngles {
-    /// Clockwise from north, degrees.
-    pub azimuth_deg: f64,
-    /// Above the horizon, degrees.
-    pub elevation_deg: f64,
-}
 
 /// Where a pair's site is, for the Sun's angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,41 +44,6 @@ impl SiteRule {
             Trajectory::Nadir => Some(Self::BelowFirstCamera),
             Trajectory::Oblique => Some(Self::AxesCrossing),
             _ => None,
-        }
-    }
-}
-
-/// What the pictures are believed to have been made with, and how well they must be met.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Settings {
-    /// The law.
-    pub brdf: Brdf,
-    /// One Sun per light.
-    pub suns: Vec<SunAngles>,
-    /// Standard deviation of the Gaussian point spread, pixels.
-    pub psf_sigma_px: f64,
-    /// Where the camera matrices put the first pixel's centre.
-    pub k_convention: PixelConvention,
-    /// The body.
-    pub body: Body,
-    /// How well they must be met.
-    pub limits: Limits,
-}
-
-impl Default for Settings {
-    /// The StereoLunar samples.
-    fn default() -> Self {
-        // The scripts write (150, 160), (250, 20), (360, 165) and use the second as elevation: a cosine below 0 turns
-        // the azimuth round.
-        let suns = [(330.0, 20.0), (250.0, 20.0), (180.0, 15.0)];
-        Self {
-            brdf: Brdf::default(),
-            suns: suns.map(|(azimuth_deg, elevation_deg)| SunAngles { azimuth_deg, elevation_deg }).to_vec(),
-            psf_sigma_px: 0.6,
-            k_convention: PixelConvention::Corner,
-            body: Body::moon(),
-            limits: Limits::default(),
         }
     }
 }

@@ -1,28 +1,9 @@
 //! What a photometric check found, for programs (serde) and for people (`Display`).
 
-use super::{Settings, SunAngles};
-use serde::{Deserialize, Serialize};
+use super::settings::{Limits, Settings, SunAngles};
+use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
-
-/// How well pictures must be met.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Limits {
-    /// Every picture must correlate at least this well.
-    pub min_pearson: f64,
-    /// Their median must.
-    pub min_median_pearson: f64,
-    /// No picture may differ by more than this, root mean square, grey levels.
-    pub max_rmse_levels: f64,
-}
-
-impl Default for Limits {
-    /// What the right law and Sun reach on the StereoLunar samples, and no wrong one does.
-    fn default() -> Self {
-        Self { min_pearson: 0.98, min_median_pearson: 0.99, max_rmse_levels: 9.0 }
-    }
-}
 
 impl Limits {
     fn keeps(&self, fit: &ImageFit) -> bool {

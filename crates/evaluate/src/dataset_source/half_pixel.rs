@@ -1,32 +1,14 @@
 //! Are principal points where the files put them? Found from the truth itself, mended, and told.
 
+use super::entry::{Entry, spread};
 use super::load::{depth_view, read_truth};
-use super::{Entry, spread};
-use selenograph_dataset::check::numbers::moved;
+use super::pixel_fault::PixelFault;
 use selenograph_dataset::check::principal_point::{self, PrincipalPoint, Verdict};
-use selenograph_geometry::{Camera, pixel};
 
 /// Pairs that are asked; the fit of a few already tells half a pixel from none by tens of sigmas.
 const NUM_ASKED: usize = 8;
 /// Every this many pixels across and down are warped.
 const STEP: usize = 4;
-
-/// Where the principal points are measured from, and what is done about it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PixelFault {
-    /// Half pixels that are added to every principal point after reading: −1, 0 or 1.
-    pub shift_half_pixels: i32,
-    /// What has to be told, if anything.
-    pub told: Option<String>,
-}
-
-impl PixelFault {
-    /// The camera as it should have been told.
-    pub fn mended(&self, camera: &Camera) -> Camera {
-        let shift = f64::from(self.shift_half_pixels) * pixel::HALF_PIXEL;
-        moved(camera, shift, shift)
-    }
-}
 
 /// Asks some pairs; what the user said of triplets (`is_told`) holds, and is contradicted aloud.
 pub fn find(entries: &[Entry], is_told: bool) -> PixelFault {

@@ -1,6 +1,7 @@
 //! A pair in memory: cameras, poses, truth, pictures under the lights asked for, and what describes an item.
 
-use super::{Entry, PixelFault};
+use super::entry::Entry;
+use super::pixel_fault::PixelFault;
 use crate::Error;
 use crate::truth::{Precision, TruthPair, TruthView};
 use selenograph_dataset::check::reprojection::{DepthView, OUTLIER, warp};

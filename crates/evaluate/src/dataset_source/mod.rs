@@ -1,12 +1,16 @@
 //! What is evaluated: pairs of a dataset of ours or of the paper's triplets, as items of one light for A and one for B.
 
+mod entry;
 mod half_pixel;
 pub(crate) mod load;
+mod pixel_fault;
 
-pub use half_pixel::PixelFault;
+pub use entry::Entry;
 pub use load::LoadedPair;
+pub use pixel_fault::PixelFault;
 
 use crate::Error;
+use entry::spread;
 use selenograph_dataset::pair::Trajectory;
 use selenograph_dataset::stored::{self, ReadOptions, StoredPair, Triplet};
 use selenograph_geometry::PixelConvention;
@@ -39,21 +43,6 @@ pub struct Choice {
     pub limit: Option<usize>,
     /// Which lights.
     pub lights: LightChoice,
-}
-
-/// A pair that may be evaluated, not yet read.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
-    /// Its name in every file of the evaluation: `000012`, or with its folder `nadir_1/im_00594`.
-    pub name: String,
-    /// How it was flown, as far as the files or the folder's name tell.
-    pub trajectory: Option<Trajectory>,
-    /// Its files.
-    pub pair: StoredPair,
-    /// Numbers of the lights of A and B that make items.
-    pub lights: Vec<[u64; 2]>,
-    /// Lights that cannot make items, each with the reason.
-    pub left_out: Vec<String>,
 }
 
 /// The pairs of a folder.
@@ -167,13 +156,6 @@ fn is_name_of(typed: &str, name: &str) -> bool {
         || typed == last
         || name.strip_prefix(typed).is_some_and(|rest| rest.starts_with('/'))
         || (number(typed).is_some() && number(typed) == number(last))
-}
-
-/// `count` entries evenly out of all, in order.
-pub(crate) fn spread<T>(entries: Vec<T>, count: usize) -> Vec<T> {
-    let num = entries.len();
-    let wanted: Vec<usize> = (0..count).map(|k| k * num / count.max(1)).collect();
-    entries.into_iter().enumerate().filter(|(idx, _)| wanted.contains(idx)).map(|(_, entry)| entry).collect()
 }
 
 #[cfg(test)]

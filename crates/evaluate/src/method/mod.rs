@@ -1,5 +1,6 @@
 //! The methods that can be evaluated: the one place where a further one is added.
 
+mod item;
 pub mod network;
 mod pictures;
 mod plane;
@@ -7,11 +8,10 @@ mod truth;
 
 use crate::Error;
 use crate::pair_metrics::Promise;
-use crate::truth::TruthPair;
-use selenograph_reconstruct::{Prediction, View, pipeline};
+use selenograph_reconstruct::pipeline;
 use serde::{Deserialize, Serialize};
 
-pub use pictures::Pose;
+pub use item::{Answer, Item, Pose};
 
 /// What is evaluated. To add a method: a variant of [`pipeline::Method`] and its words in `Method::words`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -43,15 +43,6 @@ impl TryFrom<String> for Method {
 struct Words {
     promise: Promise,
     settings: &'static str,
-}
-
-/// What a method says of an item.
-#[derive(Debug, Clone)]
-pub struct Answer {
-    /// On the full frames.
-    pub prediction: Prediction,
-    /// The relative pose by the reference protocol, for methods that estimate one.
-    pub reference_pose: Option<Pose>,
 }
 
 impl Method {
@@ -158,19 +149,6 @@ impl Method {
     pub fn needs_network(self) -> bool {
         matches!(self, Self::Pictures(method) if method.needs_network())
     }
-}
-
-/// What a method is shown.
-#[derive(Clone, Copy)]
-pub struct Item<'a> {
-    /// Both views.
-    pub views: &'a [View; 2],
-    /// The numbers of their lights: which pictures of the pair these are.
-    pub lights: [u64; 2],
-    /// The truth, for the anchors.
-    pub truth: &'a TruthPair,
-    /// The network at work on this pair.
-    pub network: Option<&'a network::Session<'a>>,
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! Methods that see the two pictures and their cameras only.
 
-use super::{Answer, Item};
+use super::item::{Answer, Item, Pose};
 use crate::Error;
 use crate::pair_metrics::{PAPER_ROWS, Promise};
 use crate::truth::crop_rows;
-use selenograph_geometry::{CamA, CamB, Camera, Rigid3, mean_focal_px, pixel};
+use selenograph_geometry::{Camera, mean_focal_px, pixel};
 use selenograph_pose::relative::{Order, Refinement, RelativeOptions, estimate};
+use selenograph_reconstruct::View;
 use selenograph_reconstruct::features::orb;
 use selenograph_reconstruct::learned::{LearnedInput, LearnedOptions};
 use selenograph_reconstruct::matching::{self, Match};
@@ -13,7 +14,6 @@ use selenograph_reconstruct::pipeline::{Incomplete, Input, Method, Options, Want
 use selenograph_reconstruct::priors::Priors;
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, SiftOptions};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
-use selenograph_reconstruct::{NoPose, View};
 
 /// Best matches that the reference protocol keeps.
 const NUM_BEST: usize = 2000;
@@ -21,9 +21,6 @@ const NUM_BEST: usize = 2000;
 const REFERENCE_THRESHOLD_PX: f64 = 1.0;
 /// Confidence of the reference protocol's search.
 const REFERENCE_CONFIDENCE: f64 = 0.9999;
-
-/// A relative pose, or why there is none.
-pub type Pose = Result<Rigid3<CamB, CamA>, NoPose>;
 
 /// What a method of `reconstruct` says of an item: what `selenograph reconstruct` would place and write, but that what is missing is
 /// counted and not refused, and that the whole image is judged: what lies outside the overlap is carried on and marked as completed.
