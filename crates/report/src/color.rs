@@ -3,8 +3,8 @@
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
 
-/// The truth, in profiles. This and the next are told apart without red and green.
-pub(crate) const TRUTH: Rgb = [30, 30, 34];
+/// The truth, in profiles. This and the next are told apart without red and green, on white and on black.
+pub(crate) const TRUTH: Rgb = [0, 114, 178];
 /// A prediction, in profiles.
 pub const PREDICTION: Rgb = [213, 94, 0];
 /// Points of view 1, matches that are refused.

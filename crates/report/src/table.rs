@@ -69,6 +69,7 @@ pub struct Table {
     caption: String,
     columns: Vec<Column>,
     rows: Vec<Row>,
+    is_defined_elsewhere: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +82,12 @@ enum Row {
 impl Table {
     /// An empty one.
     pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = Column>) -> Self {
-        Self { caption: caption.into(), columns: columns.into_iter().collect(), rows: Vec::new() }
+        Self {
+            caption: caption.into(),
+            columns: columns.into_iter().collect(),
+            rows: Vec::new(),
+            is_defined_elsewhere: false,
+        }
     }
 
     /// Two columns without headings: names and values.
@@ -95,6 +101,7 @@ impl Table {
             caption: caption.into(),
             columns: vec![Column::default(), Column::default()],
             rows: rows.collect(),
+            is_defined_elsewhere: false,
         }
     }
 
@@ -118,6 +125,12 @@ impl Table {
     /// Begins a group of rows, with a heading of its own over all columns.
     pub fn group(&mut self, heading: impl Into<String>) -> &mut Self {
         self.rows.push(Row::Group(heading.into()));
+        self
+    }
+
+    /// Leaves the definitions to the headings' tooltips and to a list that the page has once.
+    pub fn defined_elsewhere(mut self) -> Self {
+        self.is_defined_elsewhere = true;
         self
     }
 
@@ -169,22 +182,31 @@ impl Table {
             out += &format!("<tr>{}</tr>\n", cells.collect::<String>());
         }
         out += "</tbody></table>\n";
-        let defined: Vec<String> = self
+        let defined: Vec<(&str, &str)> = self
             .columns
             .iter()
-            .filter_map(|column| {
-                let definition = column.definition.as_ref()?;
-                Some(format!("<dt>{}</dt><dd>{}</dd>", escape(&column.name), escape(definition)))
-            })
+            .filter_map(|column| Some((column.name.as_str(), column.definition.as_deref()?)))
             .collect();
-        if !defined.is_empty() {
-            out += &format!(
-                "<details><summary>What the columns are</summary><dl class=\"definitions\">{}</dl></details>\n",
-                defined.join("\n")
-            );
+        if !defined.is_empty() && !self.is_defined_elsewhere {
+            out += &definitions("What the columns are", defined);
         }
         out + "</div>\n"
     }
+}
+
+/// Words and what they mean, folded away.
+pub(crate) fn definitions<'a>(
+    summary: &str,
+    defined: impl IntoIterator<Item = (&'a str, &'a str)>,
+) -> String {
+    let lines = defined
+        .into_iter()
+        .map(|(name, definition)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(definition)));
+    format!(
+        "<details><summary>{}</summary><dl class=\"definitions\">{}</dl></details>\n",
+        escape(summary),
+        lines.collect::<String>()
+    )
 }
 
 fn class(numeric: bool, best: bool) -> &'static str {
@@ -213,6 +235,7 @@ mod tests {
         ] {
             assert!(html.contains(part), "{part} in {html}");
         }
+        assert!(!table.defined_elsewhere().html().contains("<dl"));
     }
 
     #[test]

@@ -17,6 +17,12 @@ const LEGEND: &str = "found: items with a pose; RRA, RTA: median errors of rotat
 /// A method in one row and one sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overview {
+    name: &'static str,
+    looks_at_pictures: bool,
+    num_found: usize,
+    rta_deg: Option<f64>,
+    /// Percent of the distance; of the method, and of a plane on the same items.
+    point_error: Option<[f64; 2]>,
     cells: [String; HEADS.len()],
     sentence: String,
 }
@@ -47,7 +53,15 @@ impl Overview {
             shown(region("slope_corr_gsd")),
             shown(seconds),
         ];
-        Self { cells, sentence: sentence(method, &lines, num_found) }
+        Self {
+            name: method.method.as_str(),
+            looks_at_pictures: method.method.looks_at_pictures(),
+            num_found,
+            rta_deg: pose(PoseAngle::Rta),
+            point_error: point_error.zip(plane).map(|(of_method, of_plane)| [of_method, of_plane]),
+            cells,
+            sentence: sentence(method, &lines, num_found),
+        }
     }
 }
 
@@ -79,7 +93,28 @@ fn sentence(method: &MethodLines, lines: &[&Line], num_found: usize) -> String {
     format!("{name}: {found}{}.", worst.unwrap_or_default())
 }
 
-/// For a terminal: a line a method, then a sentence a method.
+/// Which is best, of several that see pictures only: first at the ground, and at the pose by how many they find and then how well.
+fn verdict(rows: &[Overview]) -> Option<String> {
+    let compared: Vec<&Overview> = rows.iter().filter(|row| row.looks_at_pictures).collect();
+    if compared.len() < 2 {
+        return None;
+    }
+    let ground = compared.iter().filter_map(|row| Some((row, row.point_error?)));
+    let ground = ground.min_by(|(_, a), (_, b)| a[0].total_cmp(&b[0])).map(|(row, [error, plane])| {
+        let [error, plane] = [error, plane].map(|percent| number::significant(percent, 3));
+        format!("best ground: {} (point error {error} %, a plane's {plane} %)", row.name)
+    });
+    let most = compared.iter().map(|row| row.num_found).max().filter(|most| *most > 0);
+    let of_most = compared.iter().filter(|row| Some(row.num_found) == most);
+    let pose = of_most.filter_map(|row| Some((row, row.rta_deg?)));
+    let pose = pose.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(row, rta)| {
+        format!("best pose: {} ({}, median RTA {}°)", row.name, row.cells[1], number::significant(rta, 3))
+    });
+    let parts: Vec<String> = [ground, pose].into_iter().flatten().collect();
+    (!parts.is_empty()).then(|| format!("{}.", parts.join("; ")))
+}
+
+/// For a terminal: a line a method, which is best, then a sentence for each that sees pictures.
 pub fn overview_text(rows: &[Overview]) -> String {
     let heads = HEADS.map(str::to_owned);
     let grid: Vec<&[String; HEADS.len()]> =
@@ -95,8 +130,9 @@ pub fn overview_text(rows: &[Overview]) -> String {
         out += padded.collect::<Vec<_>>().join("  ").trim_end();
         out += "\n";
     }
-    for row in rows {
-        out += &format!("{}\n", row.sentence);
+    let sentences = rows.iter().filter(|row| row.looks_at_pictures).map(|row| row.sentence.clone());
+    for sentence in verdict(rows).into_iter().chain(sentences) {
+        out += &format!("{sentence}\n");
     }
     out
 }
@@ -114,7 +150,8 @@ pub(super) fn overview_table(rows: &[Overview]) -> Result<(Table, Vec<String>), 
     for row in rows {
         table.row(row.cells.clone().map(Cell::from))?;
     }
-    Ok((table, rows.iter().map(|row| row.sentence.clone()).chain([LEGEND.to_owned() + "."]).collect()))
+    let sentences = rows.iter().map(|row| row.sentence.clone());
+    Ok((table, verdict(rows).into_iter().chain(sentences).chain([LEGEND.to_owned() + "."]).collect()))
 }
 
 #[cfg(test)]
@@ -122,13 +159,15 @@ mod tests {
     use super::*;
     use crate::method::Method;
     use crate::run::lines::tests::line;
+    use selenograph_reconstruct::pipeline::Method as Pictures;
 
     #[test]
     fn a_row_and_a_sentence_tell_how_good_and_where_it_fails() {
         let mut lines = vec![line("sift", "a", 0, Some(0.5), 0.01), line("sift", "b", 0, None, 0.2)];
         lines[1].item.trajectory = Some(selenograph_dataset::pair::Trajectory::Dynamic);
         let settings = String::new();
-        let methods = [MethodLines { method: Method::Sift, settings, lines }];
+        let method = Method::Pictures(Pictures::Sift);
+        let methods = [MethodLines { method, settings, lines }];
         let completed = Completed { seconds_per_item: vec![Some(1.5)], ..Completed::default() };
         let text = overview_text(&overview(&methods, &completed));
         let lines: Vec<&str> = text.lines().collect();
@@ -136,5 +175,30 @@ mod tests {
         let cells: Vec<&str> = lines[1].split_whitespace().collect();
         assert_eq!(cells, ["sift", "1", "of", "2", "0.500", "0.500", "10.5", "–", "–", "1.50"]);
         assert_eq!(lines[2], "sift: no pose for 1 of 1 dynamic; worst: b, light 0 (point error 20.0 %).");
+    }
+
+    #[test]
+    fn of_several_the_best_is_named_and_anchors_are_not_compared() {
+        let of = |method: Method, errors: [Option<f64>; 2], point: f64| {
+            let mut lines = vec![
+                line(method.as_str(), "a", 0, errors[0], point),
+                line(method.as_str(), "b", 0, errors[1], point),
+            ];
+            for line in &mut lines {
+                line.metrics.overlap.numbers.point_error_plane_rel = Some(0.05);
+            }
+            MethodLines { method, settings: String::new(), lines }
+        };
+        let methods = [
+            of(Method::Pictures(Pictures::Orb), [Some(0.1), None], 0.03),
+            of(Method::Pictures(Pictures::Sift), [Some(0.5), Some(0.5)], 0.02),
+            of(Method::Truth, [Some(0.0), Some(0.0)], 0.0),
+        ];
+        let rows = overview(&methods, &Completed::default());
+        let said = "best ground: sift (point error 2.00 %, a plane's 5.00 %); best pose: sift (2 of 2, median RTA 0.500°).";
+        assert_eq!(verdict(&rows).unwrap(), said);
+        assert_eq!(verdict(&rows[1..]), None);
+        let text = overview_text(&rows);
+        assert!(text.contains(said) && !text.contains("truth: "), "{text}");
     }
 }

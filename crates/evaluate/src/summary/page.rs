@@ -13,6 +13,10 @@ use selenograph_report::{Cell, Column, Figure, Page, Table, number};
 
 /// More failures than this are counted, not listed.
 const MAX_LISTED: usize = 200;
+/// Plots before the fold: the pose errors in both forms, and the point errors.
+const NUM_PLOTS_OPEN: usize = 3;
+/// Worst items whose figures are before the fold.
+const NUM_WORST_OPEN: usize = 1;
 
 /// What the page is made of.
 pub struct Contents<'a> {
@@ -50,29 +54,32 @@ pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
     page.section("Summary");
     let (table, sentences) = overview_table(&overview(methods, contents.completed))?;
     page.table(&table).list(sentences);
-    page.section("Methods");
-    page.table(&methods_table(contents)?);
     if let Some(told) = &source.pixels.told {
         page.warning(told);
     }
-    page.section("Tables").paragraph(marks());
-    add_tables(&mut page, results.main.iter().chain(&results.hard))?;
-    if !results.by_class.is_empty() {
-        page.section("Broken down");
-        add_tables(&mut page, results.by_class.iter())?;
-    }
+    add_worst(&mut page, contents)?;
     page.section("Plots");
     let drawn: Vec<Figure> = plots.iter().map(|plot| Figure::svg(plot.chart.svg(), &plot.caption)).collect();
-    page.figures(&drawn);
-    add_worst(&mut page, contents)?;
+    let (first, rest) = drawn.split_at(drawn.len().min(NUM_PLOTS_OPEN));
+    page.figures(first);
+    if !rest.is_empty() {
+        page.folded(&format!("{} more plots", rest.len()), |page| {
+            page.figures(rest);
+        });
+    }
+    page.section("Tables").paragraph(marks());
+    add_tables(&mut page, results)?;
     if !contents.figures.is_empty() {
         page.section("Figures");
         for item in contents.figures {
-            page.figures(&item.page());
+            page.folded(&item.name, |page| {
+                page.figures(&item.page());
+            });
         }
     }
     page.section("Failures and what was left out");
     add_failures(&mut page, contents);
+    page.section("How each method works").table(&methods_table(contents)?);
     Ok(page.finish())
 }
 
@@ -87,16 +94,25 @@ fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
     Ok(table)
 }
 
-fn add_tables<'a>(
-    page: &mut Page,
-    tables: impl Iterator<Item = &'a crate::table::Table>,
-) -> Result<(), Error> {
-    for table in tables {
-        page.table(&table.page()?);
-        for note in &table.spec.notes {
-            page.paragraph(note);
+/// Each table behind its title, then what all their columns are.
+fn add_tables(page: &mut Page, results: &Results) -> Result<(), Error> {
+    for table in results.all() {
+        let shown = table.page()?;
+        page.folded(&table.spec.title, |page| {
+            page.table(&shown);
+            for note in &table.spec.notes {
+                page.paragraph(note);
+            }
+        });
+    }
+    let mut defined: Vec<(String, &str)> = Vec::new();
+    for column in results.all().flat_map(|table| &table.spec.columns) {
+        let one = (column.title(), column.definition.as_str());
+        if !defined.contains(&one) {
+            defined.push(one);
         }
     }
+    page.definitions("What the columns are", defined.iter().map(|(head, text)| (head.as_str(), *text)));
     Ok(())
 }
 
@@ -129,8 +145,15 @@ fn add_worst(page: &mut Page, contents: &Contents<'_>) -> Result<(), Error> {
         }
         page.table(&table);
     }
-    for item in contents.worst {
-        page.figures(&item.page());
+    for (k, item) in contents.worst.iter().enumerate() {
+        let figures = item.page();
+        if k < NUM_WORST_OPEN {
+            page.figures(&figures);
+        } else {
+            page.folded(&item.name, |page| {
+                page.figures(&figures);
+            });
+        }
     }
     Ok(())
 }
@@ -144,13 +167,16 @@ fn add_failures(page: &mut Page, contents: &Contents<'_>) {
     };
     for method in contents.methods {
         let failed = failures(method);
+        if failed.is_empty() {
+            continue;
+        }
         page.heading(&format!(
             "{}: {} of {} items without a pose",
             method.method.as_str(),
             failed.len(),
             method.lines.len()
         ));
-        list(page, &failed);
+        page.folded("which, and why", |page| list(page, &failed));
     }
     page.heading(&format!("{} left out", contents.completed.skipped.len()));
     list(page, &contents.completed.skipped);

@@ -214,26 +214,29 @@ impl Table {
         out
     }
 
-    /// For a page.
+    /// For a page, which has the definitions of all its tables in one list.
     ///
     /// # Errors
     /// [`Error::Report`] if a row has another number of cells than there are columns, which no table made here has.
     pub fn page(&self) -> Result<PageTable, Error> {
         let labels_of = LABELS[1..].iter().map(|label| PageColumn::text(*label));
-        let columns = self
-            .spec
-            .columns
-            .iter()
-            .map(|column| PageColumn::number(column.title()).defined(column.definition.clone()));
-        let mut table = PageTable::new(self.spec.title.clone(), labels_of.chain(columns));
+        // A column or row in which nothing is known says nothing.
+        let is_known = |k: &usize| self.rows.iter().any(|row| row.cells[*k].is_some());
+        let known: Vec<usize> = (0..self.spec.columns.len()).filter(is_known).collect();
+        let columns = known.iter().map(|k| &self.spec.columns[*k]);
+        let heads =
+            columns.map(|column| PageColumn::number(column.title()).defined(column.definition.clone()));
+        let mut table = PageTable::new(self.spec.title.clone(), labels_of.chain(heads)).defined_elsewhere();
         let mut last_class = None;
         for row in self.rows.iter().filter(|row| row.cells.iter().any(Option::is_some)) {
             if last_class != Some(&row.class) {
                 table.group(&row.class);
                 last_class = Some(&row.class);
             }
-            let numbers = row.cells.iter().zip(&self.spec.columns).map(|(cell, column)| {
-                let Some(cell) = cell else { return PageCell::from("–") };
+            let numbers = known.iter().map(|k| {
+                let (Some(cell), column) = (&row.cells[*k], &self.spec.columns[*k]) else {
+                    return PageCell::from("–");
+                };
                 let page_cell = PageCell::from(column.write(cell.estimate.value)).best_if(cell.is_best);
                 let parts = [column.interval(cell), reduction(cell)];
                 let small = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");

@@ -59,9 +59,11 @@ pub struct Profile<'a> {
     pub prediction: &'a [f64],
     /// One standard deviation of the prediction.
     pub sigma: Option<&'a [f64]>,
+    /// Where the prediction is completed from its surroundings and nothing was measured.
+    pub completed: Option<&'a [bool]>,
 }
 
-/// A profile: truth in black, prediction in orange with a band of one sigma. NaN breaks the lines.
+/// A profile: truth in blue, prediction in orange with a band of one sigma, dashed where it is completed. NaN breaks the lines.
 pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
     let along = |values: &[f64]| -> Vec<[f64; 2]> {
         profile.distance.iter().zip(values).map(|(d, v)| [*d, *v]).collect()
@@ -79,7 +81,17 @@ pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
     if let Some(truth) = profile.truth {
         chart = chart.line("truth", TRUTH, along(truth));
     }
-    chart.line("prediction", PREDICTION, along(profile.prediction))
+    let Some(completed) = profile.completed else {
+        return chart.line("prediction", PREDICTION, along(profile.prediction));
+    };
+    let [measured, completed] = [false, true].map(|which| -> Vec<f64> {
+        let kept = profile.prediction.iter().zip(completed);
+        kept.map(|(value, is_completed)| if *is_completed == which { *value } else { f64::NAN }).collect()
+    });
+    if completed.iter().any(|value| value.is_finite()) {
+        chart = chart.dashed("completed", PREDICTION, along(&completed));
+    }
+    chart.line("prediction", PREDICTION, along(&measured))
 }
 
 /// The strip below a profile: prediction minus truth, which the profile hides where both coincide; `None` without a truth.

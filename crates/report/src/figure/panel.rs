@@ -33,6 +33,8 @@ pub struct Panel {
 }
 
 const TOP: f64 = 20.0;
+/// Room for a colour bar and its label.
+pub(super) const BESIDE: f64 = 84.0;
 
 impl Panel {
     /// A picture with a title, 380 CSS pixels wide.
@@ -71,7 +73,7 @@ impl Panel {
     pub fn svg(&self) -> String {
         let scale = self.width / self.picture.width.max(1) as f64;
         let height = self.picture.height as f64 * scale;
-        let beside = if self.bar.is_some() { 84.0 } else { 0.0 };
+        let beside = if self.bar.is_some() { BESIDE } else { 0.0 };
         let below = if self.keys.is_empty() { 0.0 } else { 17.0 * self.keys.len() as f64 + 4.0 };
         let mut out = open_svg(self.width + beside, TOP + height + below);
         out += &format!("<text x=\"0\" y=\"13\" font-weight=\"600\">{}</text>\n", escape(&self.title));
@@ -103,7 +105,7 @@ impl Panel {
 
 impl ColorBar {
     /// The bar with its ticks, `height` high.
-    fn svg(&self, x: f64, y: f64, height: f64) -> String {
+    pub(super) fn svg(&self, x: f64, y: f64, height: f64) -> String {
         const STEPS: usize = 48;
         let mut out = String::new();
         let step = height / STEPS as f64;
@@ -122,7 +124,7 @@ impl ColorBar {
             if let Some(share) = axis.share(value, ends).filter(|share| (0.0..=1.0).contains(share)) {
                 let at = y + (1.0 - share) * height;
                 out += &format!(
-                    "<path d=\"M{:.1} {at:.1}h4\" stroke=\"#55555d\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+                    "<path d=\"M{:.1} {at:.1}h4\" class=\"axis\" stroke=\"#55555d\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
                     x + 13.0,
                     x + 19.0,
                     (at + 4.0).clamp(y + 8.0, y + height),

@@ -44,4 +44,8 @@ fn panels_and_grids() {
     let mut grid = Grid::new(["truth", "sift"], 100.0);
     grid.row("nadir", vec![Some(picture(4, 4)), None]).row("none", vec![None, None]);
     assert_eq!(checked(grid.svg()).matches("no answer").count(), 3);
+    // A row that begins in the second column, with its bar to the right of all.
+    grid.row_from(1, "slope", vec![Some(picture(4, 4))], Some(bar(0.0, 40.0)));
+    let svg = checked(grid.svg());
+    assert!(svg.contains("<image x=\"126.0\"") && svg.contains(">40</text>"), "{svg}");
 }
