@@ -42,7 +42,8 @@ pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
 
 /// What an evaluation comes to.
 pub struct Scores {
-    overview: Vec<Overview>,
+    /// A row and a sentence for each method.
+    pub overview: Vec<Overview>,
     summary: serde_json::Value,
     /// With what was skipped.
     pub outcome: Outcome,

@@ -6,7 +6,7 @@ mod page;
 mod quantity;
 mod results;
 
-pub use overview::{Overview, overview, overview_text};
+pub use overview::{Overview, overview, overview_table, overview_text};
 pub use page::{Contents, page};
 pub use results::{Results, summary_json};
 

@@ -34,6 +34,16 @@ pub fn overview(methods: &[MethodLines], completed: &Completed) -> Vec<Overview>
 }
 
 impl Overview {
+    /// The method.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Mean distance of its points from the truth, and of a plane's, percent of the distance; `None` for a method without points.
+    pub fn point_error_percent(&self) -> Option<[f64; 2]> {
+        self.point_error
+    }
+
     fn new(method: &MethodLines, seconds: Option<f64>) -> Self {
         let lines: Vec<&Line> = method.lines.iter().filter(|line| has_an_answer(&line.item)).collect();
         let num_found = lines.iter().filter(|line| !line.metrics.pose_failed).count();
@@ -141,7 +151,7 @@ pub fn overview_text(rows: &[Overview]) -> String {
 ///
 /// # Errors
 /// [`Error::Report`] if the table cannot be put together, which no row made here causes.
-pub(super) fn overview_table(rows: &[Overview]) -> Result<(Table, Vec<String>), Error> {
+pub fn overview_table(rows: &[Overview]) -> Result<(Table, Vec<String>), Error> {
     let columns = HEADS.iter().enumerate().map(|(k, head)| match k {
         0 => Column::text(*head),
         _ => Column::number(*head),

@@ -15,6 +15,8 @@ use selenograph_report::{Cell, Column, Figure, Page, Table, number};
 const MAX_LISTED: usize = 200;
 /// Plots before the fold: the pose errors in both forms, and the point errors.
 const NUM_PLOTS_OPEN: usize = 3;
+/// Columns of the worst items that tell of points.
+const OF_POINTS: std::ops::Range<usize> = 4..6;
 /// Worst items whose figures are before the fold.
 const NUM_WORST_OPEN: usize = 1;
 
@@ -119,13 +121,16 @@ fn add_tables(page: &mut Page, results: &Results) -> Result<(), Error> {
 fn add_worst(page: &mut Page, contents: &Contents<'_>) -> Result<(), Error> {
     page.section("Worst pairs");
     for method in contents.methods.iter().filter(|m| m.method.looks_at_pictures()) {
+        let worst = worst(method);
+        // A method that gives a pose only has dashes in the columns of points.
+        let has_points = worst.iter().any(|worst| worst.is_of_points);
+        let is_shown = |column: &usize| has_points || !OF_POINTS.contains(column);
         let columns = ["item", "trajectory"].map(Column::text).into_iter();
         let numbers = ["RRA (°)", "RTA (°)", "point error", "coverage (%)", "overlap (%)", "altitude (km)"];
-        let mut table = Table::new(
-            format!("Worst of {}, one light of each pair", method.method.as_str()),
-            columns.chain(numbers.map(Column::number)),
-        );
-        for worst in worst(method) {
+        let columns = columns.chain(numbers.map(Column::number)).enumerate();
+        let title = format!("Worst of {}, one light of each pair", method.method.as_str());
+        let mut table = Table::new("", columns.filter(|(k, _)| is_shown(k)).map(|(_, column)| column));
+        for worst in worst {
             let (line, shown) = (worst.line, |value: Option<f64>, digits| {
                 value.map_or("–".into(), |value| number::significant(value, digits))
             });
@@ -141,9 +146,12 @@ fn add_worst(page: &mut Page, contents: &Contents<'_>) -> Result<(), Error> {
                 shown(Some(100.0 * line.item.overlap_share), 3),
                 shown(Some(line.item.altitude_m / 1e3), 3),
             ];
-            table.row(cells.map(Cell::from))?;
+            let cells = cells.into_iter().enumerate().filter(|(k, _)| is_shown(k));
+            table.row(cells.map(|(_, cell)| Cell::from(cell)))?;
         }
-        page.table(&table);
+        page.folded(&title, |page| {
+            page.table(&table);
+        });
     }
     for (k, item) in contents.worst.iter().enumerate() {
         let figures = item.page();

@@ -32,6 +32,12 @@ impl Figure {
         Self { content: svg, caption: caption.to_owned() }
     }
 
+    /// A drawing whose group of the class `lines` is shown when its box is ticked.
+    pub fn with_lines_on_demand(svg: String, caption: &str, label: &str) -> Self {
+        let toggle = format!("<label class=\"toggle\"><input type=\"checkbox\"> {}</label>\n", escape(label));
+        Self { content: toggle + &svg, caption: caption.to_owned() }
+    }
+
     pub(crate) fn html(&self) -> String {
         format!("<figure>\n{}\n<figcaption>{}</figcaption>\n</figure>\n", self.content, escape(&self.caption))
     }
