@@ -81,19 +81,9 @@ pub fn page(contents: &Contents<'_>) -> Result<String, Error> {
     }
     page.section("Failures and what was left out");
     add_failures(&mut page, contents);
-    page.section("How each method works").table(&methods_table(contents)?);
+    let settings = methods.iter().map(|method| (method.method.as_str(), method.settings.as_str()));
+    page.section("Methods").definitions("How each works, with which settings", settings);
     Ok(page.finish())
-}
-
-fn methods_table(contents: &Contents<'_>) -> Result<Table, Error> {
-    let columns = [Column::text("method"), Column::text("settings"), Column::number("items")];
-    let mut table = Table::new("", columns);
-    for method in contents.methods {
-        let cells: [String; 3] =
-            [method.method.as_str().into(), method.settings.clone(), method.lines.len().to_string()];
-        table.row(cells.map(Cell::from))?;
-    }
-    Ok(table)
 }
 
 /// Each table behind its title, then what all their columns are.
