@@ -127,7 +127,7 @@ mod tests {
         let picture = Raster::filled(24, 24, [1, 2, 3]);
         let fill = Raster::from_fn(24, 24, |x, _| if x < 12 { Fill::Measured } else { Fill::Completed });
         let striped = striped(&picture, &fill);
-        let count = |left: usize| (0..24).flat_map(|y| (left..left + 12).map(move |x| (x, y)));
+        let count = |left: usize| (0..24).flat_map(move |y| (left..left + 12).map(move |x| (x, y)));
         assert_eq!(count(0).filter(|at| striped[*at] != [1, 2, 3]).count(), 0);
         assert_eq!(count(12).filter(|at| striped[*at] != [1, 2, 3]).count(), 12 * 24 / 4);
     }
