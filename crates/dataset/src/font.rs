@@ -62,15 +62,18 @@ const GLYPHS: [(char, [u8; 7]); 48] = [
 /// A filled box stands for a sign that the font does not have.
 const UNKNOWN: [u8; 7] = [0b11111; 7];
 
-/// Writes a line of text with its upper left corner at (x, y); what leaves the picture is cut off.
-pub fn write(picture: &mut Raster<[u8; 3]>, x: usize, y: usize, text: &str, color: [u8; 3]) {
+/// Writes a line of text with its upper left corner at (x, y), each pixel of the font a square of `zoom`; what leaves the picture is
+/// cut off.
+pub fn write(picture: &mut Raster<[u8; 3]>, [x, y]: [usize; 2], text: &str, zoom: usize, color: [u8; 3]) {
     for (idx, sign) in text.chars().enumerate() {
         let Some(rows) = rows_of(sign) else { continue };
         for (dy, bits) in rows.iter().enumerate() {
             for dx in (0..5).filter(|dx| bits >> (4 - dx) & 1 == 1) {
-                let (px, py) = (x + idx * ADVANCE_PX + dx, y + dy);
-                if px < picture.width && py < picture.height {
-                    picture[(px, py)] = color;
+                let [left, top] = [x + zoom * (idx * ADVANCE_PX + dx), y + zoom * dy];
+                for py in top..(top + zoom).min(picture.height) {
+                    for px in left..(left + zoom).min(picture.width) {
+                        picture[(px, py)] = color;
+                    }
                 }
             }
         }
@@ -93,13 +96,19 @@ mod tests {
     #[test]
     fn text_is_drawn_and_cut_off() {
         let mut picture = Raster::filled(8, 7, [0; 3]);
-        write(&mut picture, 0, 0, "l1", [9; 3]);
+        write(&mut picture, [0, 0], "l1", 1, [9; 3]);
         let row =
             |y: usize| picture.row(y).iter().map(|p| if p[0] > 0 { '#' } else { '.' }).collect::<String>();
         assert_eq!(row(0), "#.......");
         assert_eq!(row(1), "#......#");
         assert_eq!(row(6), "#####..#");
-        write(&mut picture, 7, 6, "WWW", [9; 3]);
+        write(&mut picture, [7, 6], "WWW", 1, [9; 3]);
+        let mut large = Raster::filled(12, 14, [0; 3]);
+        write(&mut large, [0, 0], "1", 2, [9; 3]);
+        let count = |picture: &Raster<[u8; 3]>| picture.data.iter().filter(|p| p[0] > 0).count();
+        let mut small = Raster::filled(6, 7, [0; 3]);
+        write(&mut small, [0, 0], "1", 1, [9; 3]);
+        assert_eq!(count(&large), 4 * count(&small));
     }
 
     #[test]

@@ -31,6 +31,11 @@ impl Default for SheetOptions {
 /// Slope at the hot end of its colours, degrees.
 const MAX_SLOPE_DEG: f64 = 40.0;
 const MARGIN_PX: usize = 4;
+/// Width at which a sheet is looked at in a page or on a screen, pixels, and the least height of its letters there.
+const SHOWN_PX: f64 = 1100.0;
+const LETTER_PX: f64 = 9.0;
+/// Height of the font's letters, pixels.
+const FONT_PX: f64 = 7.0;
 const PAPER: [u8; 3] = [24, 24, 28];
 const INK: [u8; 3] = [230, 230, 230];
 
@@ -106,30 +111,38 @@ fn load(stored: &StoredPair) -> Result<Entry, Error> {
     Ok(Entry { label, pair })
 }
 
-/// One page: a line of column names, then for each pair its label and a row of thumbnails.
+/// One page: two lines of column names, then for each pair the two lines of its label and a row of thumbnails. The letters are as
+/// large as the page at its usual width needs.
 pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
     let rows: Vec<Vec<(String, Raster<[u8; 3]>)>> =
         entries.iter().map(|entry| thumbnails(&entry.pair, thumbnail_px)).collect();
     let num_columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let row_px = thumbnail_px + font::LINE_PX + 2 * MARGIN_PX;
-    let head_px = font::LINE_PX + 2 * MARGIN_PX;
     let width = MARGIN_PX + num_columns * (thumbnail_px + MARGIN_PX);
+    let zoom = (LETTER_PX / FONT_PX * width as f64 / SHOWN_PX).ceil().max(1.0) as usize;
+    let line_px = zoom * font::LINE_PX;
+    let head_px = 2 * line_px + 2 * MARGIN_PX;
+    let row_px = thumbnail_px + 2 * line_px + 2 * MARGIN_PX;
     let mut page = Raster::filled(width, head_px + rows.len() * row_px + MARGIN_PX, PAPER);
     for (row_idx, (entry, row)) in entries.iter().zip(&rows).enumerate() {
         let top = head_px + row_idx * row_px;
-        font::write(&mut page, MARGIN_PX, top, &label_of(entry), INK);
+        for (k, line) in [entry.label.clone(), ranges_of(entry)].iter().enumerate() {
+            font::write(&mut page, [MARGIN_PX, top + k * line_px], line, zoom, INK);
+        }
         for (column, (name, picture)) in row.iter().enumerate() {
             let left = MARGIN_PX + column * (thumbnail_px + MARGIN_PX);
             if row_idx == 0 {
-                font::write(&mut page, left, MARGIN_PX / 2, name, INK);
+                for (k, line) in name.lines().enumerate() {
+                    font::write(&mut page, [left, MARGIN_PX / 2 + k * line_px], line, zoom, INK);
+                }
             }
-            paste(&mut page, picture, left, top + font::LINE_PX + MARGIN_PX);
+            paste(&mut page, picture, left, top + 2 * line_px + MARGIN_PX);
         }
     }
     page
 }
 
-fn label_of(entry: &Entry) -> String {
+/// How far the ground is, and how fine it is seen.
+fn ranges_of(entry: &Entry) -> String {
     let range = |view: &StereoView| {
         let depths = view.depth_z.data.iter().map(|&z| f64::from(z));
         statistics::summary(depths).map_or("no depth".to_owned(), |range_of_z| {
@@ -142,7 +155,7 @@ fn label_of(entry: &Entry) -> String {
         })
     };
     let [a, b] = &entry.pair.views;
-    format!("{}   A {}   B {}", entry.label, range(a), range(b))
+    format!("A {}   B {}", range(a), range(b))
 }
 
 fn paste(page: &mut Raster<[u8; 3]>, picture: &Raster<[u8; 3]>, left: usize, top: usize) {
@@ -160,7 +173,7 @@ fn thumbnails(pair: &StereoPair, side: usize) -> Vec<(String, Raster<[u8; 3]>)> 
         for (view, letter) in both() {
             let levels = view.images[light_idx].map(|&level| f32::from(level));
             let small = fitted(&levels, side);
-            row.push((format!("light {light_idx} {letter}"), Colormap::Grey.paint(&small, 0.0, 255.0)));
+            row.push((format!("{letter}\nlight {light_idx}"), Colormap::Grey.paint(&small, 0.0, 255.0)));
         }
     }
     for (view, letter) in both() {
@@ -168,16 +181,16 @@ fn thumbnails(pair: &StereoPair, side: usize) -> Vec<(String, Raster<[u8; 3]>)> 
         let depths = view.depth_z.data.iter().map(|&z| f64::from(z));
         let [near, far] = statistics::quantiles(depths, [0.005, 0.995]).unwrap_or([0.0, 1.0]);
         let small = fitted(&view.depth_z, side);
-        row.push((format!("depth {letter}"), Colormap::Viridis.paint(&small, near, far)));
+        row.push((format!("{letter}\ndepth"), Colormap::Viridis.paint(&small, near, far)));
     }
     for (view, letter) in both() {
         let slope = view.slope_rad.clone().unwrap_or_else(|| slope_from_depth(view));
         let small = fitted(&slope, side);
         let painted = Colormap::Inferno.paint(&small, 0.0, MAX_SLOPE_DEG.to_radians());
-        row.push((format!("slope {letter} 0-{MAX_SLOPE_DEG:.0}°"), painted));
+        row.push((format!("{letter} slope\n0-{MAX_SLOPE_DEG:.0}°"), painted));
     }
     for (view, letter) in both().into_iter().filter(|(view, _)| !view.lit.is_empty()) {
-        row.push((format!("lit by 0 1 2 {letter}"), lights_as_rgb(view, side)));
+        row.push((format!("{letter} lit\nby 012"), lights_as_rgb(view, side)));
     }
     row
 }
@@ -254,8 +267,17 @@ mod tests {
         let page = page(&[entry(), entry()], 32);
         // Two lights, depth, slope and lit of two views: ten columns.
         assert_eq!(page.width, 4 + 10 * 36);
-        assert_eq!(page.height, 16 + 2 * 48 + 4);
+        // Two lines of eight pixels over each row and over all.
+        assert_eq!(page.height, 24 + 2 * (32 + 16 + 8) + 4);
         assert!(page.data.iter().filter(|p| **p == INK).count() > 200);
+    }
+
+    #[test]
+    fn letters_are_legible_where_the_page_is_shrunk_to_a_screen() {
+        let page = page(&[entry()], 400);
+        // 4044 pixels wide, shown at 1100: letters of 5 × 7 pixels are 9 high there, and the names fit above their thumbnails.
+        assert_eq!(page.height, 400 + 4 * (5 * 8) + 4 * 4 + 4);
+        assert!("A slope".len() * 5 * font::ADVANCE_PX < 400);
     }
 
     #[test]

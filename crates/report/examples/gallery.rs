@@ -33,7 +33,14 @@ fn charts() -> Vec<Figure> {
         .map(|(k, t)| if k == 90 { f64::NAN } else { t + 6.0 * (k as f64).sin() })
         .collect();
     let sigma = vec![12.0; xs.len()];
-    let shown = Profile { distance: &xs, truth: Some(&truth), prediction: &near, sigma: Some(&sigma) };
+    let completed: Vec<bool> = (0..xs.len()).map(|k| (120..160).contains(&k)).collect();
+    let shown = Profile {
+        distance: &xs,
+        truth: Some(&truth),
+        prediction: &near,
+        sigma: Some(&sigma),
+        completed: Some(&completed),
+    };
     let names = ["nadir", "oblique", "dynamic"].map(str::to_owned);
     let groups = [("orb".to_owned(), vec![0.2, 0.5, 0.4]), ("sift".to_owned(), vec![0.1, 0.3, 0.15])];
     let curves = [("orb".to_owned(), some_failed), ("sift".to_owned(), errors(0.0005))];

@@ -3,14 +3,14 @@
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
 
-/// The truth, in profiles.
-pub(crate) const TRUTH: Rgb = [204, 32, 32];
+/// The truth, in profiles. This and the next are told apart without red and green, on white and on black.
+pub(crate) const TRUTH: Rgb = [0, 114, 178];
 /// A prediction, in profiles.
-pub const PREDICTION: Rgb = [139, 90, 43];
+pub const PREDICTION: Rgb = [213, 94, 0];
 /// Points of view 1, matches that are refused.
-pub const VIEW_1: Rgb = [220, 50, 47];
+pub const VIEW_1: Rgb = [230, 120, 0];
 /// Points of view 2, matches that agree.
-pub const VIEW_2: Rgb = [38, 160, 65];
+pub const VIEW_2: Rgb = [0, 114, 178];
 /// Rules, ideals, whatever stays in the background.
 pub(crate) const QUIET: Rgb = [130, 130, 138];
 

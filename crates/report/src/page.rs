@@ -3,7 +3,7 @@
 use crate::escape::escape;
 use crate::figure::Figure;
 use crate::points::{PointView, SCRIPT};
-use crate::table::Table;
+use crate::table::{Table, definitions};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -93,6 +93,36 @@ impl Page {
         self
     }
 
+    /// Whatever `fill` adds, folded away until asked for.
+    pub fn folded<R>(&mut self, summary: &str, fill: impl FnOnce(&mut Self) -> R) -> R {
+        self.body += &format!("<details><summary>{}</summary>\n", escape(summary));
+        let filled = fill(self);
+        self.body += "</details>\n";
+        filled
+    }
+
+    /// Words and what they mean, folded away.
+    pub fn definitions<'a>(
+        &mut self,
+        summary: &str,
+        defined: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> &mut Self {
+        self.body += &definitions(summary, defined);
+        self
+    }
+
+    /// The few numbers that answer the reader's question, large: each with its unit and what it is.
+    pub fn key_numbers<'a>(&mut self, numbers: impl IntoIterator<Item = (String, &'a str)>) -> &mut Self {
+        let numbers: String = numbers
+            .into_iter()
+            .map(|(number, words)| {
+                format!("<div><b>{}</b><span>{}</span></div>\n", escape(&number), escape(words))
+            })
+            .collect();
+        self.body += &format!("<div class=\"numbers\">\n{numbers}</div>\n");
+        self
+    }
+
     /// A table.
     pub fn table(&mut self, table: &Table) -> &mut Self {
         self.body += &table.html();
@@ -165,10 +195,16 @@ mod tests {
                 .list(["a", "b"])
                 .listing("more", "</pre>");
         }
+        page.folded("rest <of> it", |page| {
+            page.paragraph("inside").definitions("words", [("a", "b")]).list(["c"]).section_open
+        });
+        page.key_numbers([("0.02°".to_owned(), "the pose")]);
         let html = page.finish();
         assert!(html.starts_with("<!DOCTYPE html>") && html.ends_with("</html>\n"));
         assert_eq!(html.matches("<section").count(), html.matches("</section>").count());
         assert!(html.contains("<title>A &lt;b&gt; &amp; B</title>") && html.contains("&lt;/pre&gt;"));
+        assert!(html.contains("rest &lt;of&gt; it") && html.contains("<b>0.02°</b><span>the pose</span>"));
+        assert_eq!(html.matches("<details").count(), html.matches("</details>").count());
         assert!(html.contains("<a href=\"#s3\">Three</a>"));
         for fetched in ["http://", "https://", "src=\"/", "@import", "<link"] {
             assert!(!html.contains(fetched), "{fetched}");

@@ -8,7 +8,7 @@ use crate::escape::escape;
 pub struct Column {
     /// Heading, with the unit where there is one.
     pub name: String,
-    /// What the numbers are; printed below the table.
+    /// What the numbers are; folded below the table.
     pub definition: Option<String>,
     /// Numbers stand on the right.
     pub numeric: bool,
@@ -68,13 +68,26 @@ impl<T: Into<String>> From<T> for Cell {
 pub struct Table {
     caption: String,
     columns: Vec<Column>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Row>,
+    is_defined_elsewhere: bool,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Row {
+    /// What the rows below have in common.
+    Group(String),
+    Cells(Vec<Cell>),
 }
 
 impl Table {
     /// An empty one.
     pub fn new(caption: impl Into<String>, columns: impl IntoIterator<Item = Column>) -> Self {
-        Self { caption: caption.into(), columns: columns.into_iter().collect(), rows: Vec::new() }
+        Self {
+            caption: caption.into(),
+            columns: columns.into_iter().collect(),
+            rows: Vec::new(),
+            is_defined_elsewhere: false,
+        }
     }
 
     /// Two columns without headings: names and values.
@@ -82,11 +95,13 @@ impl Table {
         caption: impl Into<String>,
         facts: impl IntoIterator<Item = (N, V)>,
     ) -> Self {
-        let rows = facts.into_iter().map(|(name, value)| vec![Cell::from(name.into()), value.into()]);
+        let rows =
+            facts.into_iter().map(|(name, value)| Row::Cells(vec![Cell::from(name.into()), value.into()]));
         Self {
             caption: caption.into(),
             columns: vec![Column::default(), Column::default()],
             rows: rows.collect(),
+            is_defined_elsewhere: false,
         }
     }
 
@@ -103,8 +118,20 @@ impl Table {
                 found: cells.len(),
             });
         }
-        self.rows.push(cells);
+        self.rows.push(Row::Cells(cells));
         Ok(self)
+    }
+
+    /// Begins a group of rows, with a heading of its own over all columns.
+    pub fn group(&mut self, heading: impl Into<String>) -> &mut Self {
+        self.rows.push(Row::Group(heading.into()));
+        self
+    }
+
+    /// Leaves the definitions to the headings' tooltips and to a list that the page has once.
+    pub fn defined_elsewhere(mut self) -> Self {
+        self.is_defined_elsewhere = true;
+        self
     }
 
     /// Whether there is no row.
@@ -112,7 +139,7 @@ impl Table {
         self.rows.is_empty()
     }
 
-    /// As HTML, definitions below.
+    /// As HTML: a wide table scrolls below its first column, definitions are folded away.
     pub fn html(&self) -> String {
         let mut out = String::from("<div class=\"table\"><table>\n");
         if !self.caption.is_empty() {
@@ -132,6 +159,17 @@ impl Table {
         }
         out += "<tbody>\n";
         for row in &self.rows {
+            let row = match row {
+                Row::Cells(row) => row,
+                Row::Group(heading) => {
+                    let num = self.columns.len();
+                    out += &format!(
+                        "<tr class=\"group\"><th colspan=\"{num}\"><span>{}</span></th></tr>\n",
+                        escape(heading)
+                    );
+                    continue;
+                }
+            };
             let cells = row.iter().zip(&self.columns).map(|(cell, column)| {
                 let small = cell.small.as_ref().map(|s| format!("<small>{}</small>", escape(s)));
                 format!(
@@ -144,19 +182,31 @@ impl Table {
             out += &format!("<tr>{}</tr>\n", cells.collect::<String>());
         }
         out += "</tbody></table>\n";
-        let defined: Vec<String> = self
+        let defined: Vec<(&str, &str)> = self
             .columns
             .iter()
-            .filter_map(|column| {
-                let definition = column.definition.as_ref()?;
-                Some(format!("<dt>{}</dt><dd>{}</dd>", escape(&column.name), escape(definition)))
-            })
+            .filter_map(|column| Some((column.name.as_str(), column.definition.as_deref()?)))
             .collect();
-        if !defined.is_empty() {
-            out += &format!("<dl class=\"definitions\">{}</dl>\n", defined.join("\n"));
+        if !defined.is_empty() && !self.is_defined_elsewhere {
+            out += &definitions("What the columns are", defined);
         }
         out + "</div>\n"
     }
+}
+
+/// Words and what they mean, folded away.
+pub(crate) fn definitions<'a>(
+    summary: &str,
+    defined: impl IntoIterator<Item = (&'a str, &'a str)>,
+) -> String {
+    let lines = defined
+        .into_iter()
+        .map(|(name, definition)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(definition)));
+    format!(
+        "<details><summary>{}</summary><dl class=\"definitions\">{}</dl></details>\n",
+        escape(summary),
+        lines.collect::<String>()
+    )
 }
 
 fn class(numeric: bool, best: bool) -> &'static str {
@@ -185,6 +235,7 @@ mod tests {
         ] {
             assert!(html.contains(part), "{part} in {html}");
         }
+        assert!(!table.defined_elsewhere().html().contains("<dl"));
     }
 
     #[test]

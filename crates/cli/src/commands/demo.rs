@@ -1,6 +1,8 @@
 //! `demo`: a synthetic Moon, stereo pairs on it, terrain from one of them, scores of all of them. The commands of the product, one
 //! after the other.
 
+mod pages;
+
 use super::clock::{instant, now_utc};
 use super::data_sheet::{self, SHEETS};
 use super::generate::{inputs, render_all};
@@ -24,10 +26,8 @@ use selenograph_dataset::stored::{self, ReadOptions};
 use selenograph_evaluate::run::EVALUATION;
 use selenograph_files::record::{self, RUN_NAME};
 use selenograph_files::{Error, Existing, FolderKind, HeldFolder, is_occupied};
-use selenograph_raster::codec::{Picture as Raw, png};
 use selenograph_reconstruct::pipeline::Method;
 use selenograph_render::Tracer;
-use selenograph_report::{Figure, Page, Picture};
 use selenograph_terrain::Terrain;
 use selenograph_terrain::store::TERRAIN;
 use serde::Serialize;
@@ -45,7 +45,7 @@ static DEMO: FolderKind = FolderKind {
     command: "demo",
     what: "a demo",
     is_own: |folder| record::is_of(folder, DEMO.command),
-    names: &[RUN_NAME, "moon.tif", "report.html"],
+    names: &[RUN_NAME, "moon.tif", "report.html", "dataset.html", "terrain.html"],
     parts: &[
         ("terrain", &TERRAIN),
         ("dataset", &DATASET),
@@ -126,8 +126,9 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         network: NetworkChoice::default(),
         target: target("evaluation"),
     };
-    ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
-    selenograph_files::write(&at("report.html"), front_page(folder)?)?;
+    let scores = ui.timed("evaluation", || evaluate::score(&evaluation, &quiet))?;
+    let overview = scores.map(|scores| scores.overview).unwrap_or_default();
+    ui.timed("pages", || pages::write(folder, &overview))?;
     write_record(
         folder,
         DEMO.command,
@@ -203,34 +204,4 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         target: Target { out: folder.join("reconstruction"), force: false },
     };
     reconstruct::run(&args, ui)
-}
-
-/// One page that leads to everything.
-fn front_page(folder: &Path) -> anyhow::Result<String> {
-    let mut page = Page::new("A synthetic Moon, and what two pictures of it tell");
-    page.lead(
-        "Made by `selenograph demo`: terrain, stereo pairs with their truth, a reconstruction, scores.",
-    );
-    page.section("Where to look").links([
-        ("reconstruction/report.html", "terrain from one pair: pose, depth, slope, hazards, points to turn"),
-        (
-            "evaluation/report.html",
-            "every pair against its truth: tables with definitions, plots, the worst pairs",
-        ),
-        ("dataset/", "the pairs with their truth maps"),
-        ("terrain/", "the terrain that was rendered"),
-    ]);
-    let sheet = png::read(&folder.join("sheets/sheet_000.png"))?;
-    let sheet = match sheet {
-        Raw::Rgb8(raster) => raster,
-        Raw::Grey8(raster) => raster.map(|v| [*v; 3]),
-        Raw::Grey16(raster) => raster.map(|v| [(v >> 8) as u8; 3]),
-    };
-    let picture = Picture::photo(&sheet)?;
-    page.section("The pairs").figure(&Figure::picture(
-        &picture,
-        picture.width,
-        "Both views under each light.",
-    ));
-    Ok(page.finish())
 }

@@ -12,39 +12,38 @@ use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::pair_metrics::Promise;
 use selenograph_evaluate::run::{self, EVALUATION, Progress, RunOptions, Settings};
-use selenograph_evaluate::summary::{Contents, MethodLines, Results, page, summary_json};
+use selenograph_evaluate::summary::{
+    Contents, MethodLines, Overview, Results, overview, overview_text, page, summary_json,
+};
 use selenograph_evaluate::{ItemFigures, plots, worst};
 use selenograph_files::HeldFolder;
 use selenograph_network::Checkpoint;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use std::path::Path;
 
-/// Tables that are printed; the others are in the files.
-const PRINTED: [&str; 4] = ["pose", "terrain_overlap", "terrain_paper", "hard_cases"];
-
 /// Items whose figures stand in the page; those of the others are in files only.
 const MAX_IN_PAGE: usize = 12;
 
-/// Evaluates, writes lines, tables and the report, and prints the first tables.
+/// Evaluates, writes lines, tables and the report, and prints which method is how good and where it fails.
 ///
 /// # Errors
 /// Those of [`score`].
 pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
-    let Some(Scores { results, summary, outcome }) = score(args, ui)? else { return Ok(Outcome::Done) };
+    let Some(Scores { overview, summary, outcome }) = score(args, ui)? else { return Ok(Outcome::Done) };
     if ui.json {
         ui.data_json(&summary)?;
     } else {
-        for table in results.all().filter(|table| PRINTED.contains(&table.spec.id.as_str())) {
-            ui.data(&table.text())?;
-        }
+        ui.data(&overview_text(&overview))?;
     }
-    ui.note(&format!("evaluation: {}", args.target.out.display()));
+    let out = args.target.out.display();
+    ui.note(&format!("evaluation: {out}; every number in {out}/tables, pictures in {out}/report.html"));
     Ok(outcome)
 }
 
 /// What an evaluation comes to.
 pub struct Scores {
-    results: Results,
+    /// A row and a sentence for each method.
+    pub overview: Vec<Overview>,
     summary: serde_json::Value,
     /// With what was skipped.
     pub outcome: Outcome,
@@ -79,6 +78,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
         .collect();
     let results = ui.timed("tables", || Results::new(&methods));
     results.write(&args.target.out.join("tables"))?;
+    let overview = overview(&methods, &completed);
     let summary = summary_json(&source, &completed, &methods);
     write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
     ui.timed("figures and report", || {
@@ -86,7 +86,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     })?;
     let outcome =
         if completed.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(completed.skipped) };
-    Ok(Some(Scores { results, summary, outcome }))
+    Ok(Some(Scores { overview, summary, outcome }))
 }
 
 /// Plots, figures, and the page that shows them.

@@ -1,4 +1,4 @@
-//! Both clouds of a pair in one picture, seen from the side: view A red, view B green.
+//! Both clouds of a pair in one picture, seen from the side: view A orange, view B blue.
 
 use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{BodyFixed, CamA, Rigid3};

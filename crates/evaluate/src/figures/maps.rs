@@ -5,9 +5,16 @@ use crate::truth::TruthPair;
 use nalgebra::{Point3, Vector3};
 use selenograph_raster::colormap::{ABSENT, Colormap};
 use selenograph_raster::{Raster, statistics};
+use selenograph_reconstruct::Fill;
 
 /// Slope at the hot end of its colours, radians.
-const MAX_SLOPE_RAD: f64 = 40.0 * std::f64::consts::PI / 180.0;
+const MAX_SLOPE_RAD: f64 = MAX_SLOPE_DEG * std::f64::consts::PI / 180.0;
+/// The same, degrees.
+pub const MAX_SLOPE_DEG: f64 = 40.0;
+/// Stripes over completed ground: one of so many pixels along both axes, this wide.
+const STRIPE: [usize; 2] = [12, 3];
+/// Colour of the stripes.
+const STRIPE_COLOR: [u8; 3] = [250, 250, 248];
 /// The lamp of the hillshade: left and above in the picture, this high over the ground.
 const LAMP_ELEVATION_RAD: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// Shares of the depths that are off the ends of the colours.
@@ -64,6 +71,14 @@ impl Maps {
     }
 }
 
+/// A picture of a view with stripes where its ground was completed, not measured.
+pub fn striped(picture: &Raster<[u8; 3]>, fill: &Raster<Fill>) -> Raster<[u8; 3]> {
+    Raster::from_fn(picture.width, picture.height, |x, y| {
+        let is_stripe = fill[(x, y)] == Fill::Completed && (x + y) % STRIPE[0] < STRIPE[1];
+        if is_stripe { STRIPE_COLOR } else { picture[(x, y)] }
+    })
+}
+
 /// Cosine of the lamp's incidence on the surface through each point and its four neighbours; NaN where one is absent.
 fn shade(points: &Raster<Point3<f64>>) -> Raster<f32> {
     let (width, height) = (points.width, points.height);
@@ -106,6 +121,16 @@ pub fn grey(image: &Raster<f32>) -> Raster<[u8; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn completed_ground_is_striped_and_measured_ground_is_not() {
+        let picture = Raster::filled(24, 24, [1, 2, 3]);
+        let fill = Raster::from_fn(24, 24, |x, _| if x < 12 { Fill::Measured } else { Fill::Completed });
+        let striped = striped(&picture, &fill);
+        let count = |left: usize| (0..24).flat_map(move |y| (left..left + 12).map(move |x| (x, y)));
+        assert_eq!(count(0).filter(|at| striped[*at] != [1, 2, 3]).count(), 0);
+        assert_eq!(count(12).filter(|at| striped[*at] != [1, 2, 3]).count(), 12 * 24 / 4);
+    }
 
     #[test]
     fn a_slope_towards_the_lamp_is_brighter() {

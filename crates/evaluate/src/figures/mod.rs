@@ -1,20 +1,22 @@
-//! The paper's figures of an item: methods side by side, depth in viridis, slope in heat, hillshaded pointmaps, clouds in red
-//! and green, a profile with the truth in red and the prediction in brown.
+//! The paper's figures of an item: methods side by side, depth in viridis, slope in heat, hillshaded pointmaps, clouds in orange
+//! and blue, a profile with the truth in blue and the prediction in orange, and their difference below it; completed ground is striped.
 
 mod cloud;
 mod maps;
 
 use crate::Error;
-use crate::aligned::AlignedPair;
+use crate::aligned::{AlignedPair, Answers};
 use crate::dataset_source::{LoadedPair, Source};
 use crate::method::network::{Network, Session};
 use crate::method::{Item, Method};
 use crate::pair_metrics::{self, PreparedTruth, Region};
 use maps::Maps;
 use selenograph_raster::codec::png;
+use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, statistics};
-use selenograph_report::chart::{Profile, profile};
-use selenograph_report::figure::Grid;
+use selenograph_reconstruct::Fill;
+use selenograph_report::chart::{Profile, profile, residual};
+use selenograph_report::figure::{ColorBar, Grid};
 use selenograph_report::{Axis, Figure, Picture};
 use std::path::Path;
 
@@ -26,6 +28,8 @@ struct Drawn {
     name: &'static str,
     maps: Maps,
     cloud: Option<Raster<[u8; 3]>>,
+    /// Where view A's ground was measured and where completed; absent for the truth.
+    fill: Option<Raster<Fill>>,
 }
 
 /// The figures of one item.
@@ -35,8 +39,8 @@ pub struct ItemFigures {
     pub name: String,
     /// Views, truth and every method with points: depth, slope, hillshade, clouds.
     pub grid: String,
-    /// The central profile of each method with points.
-    pub profiles: Vec<(&'static str, String)>,
+    /// The central profile of each method with points, and below it how far it is off.
+    pub profiles: Vec<(&'static str, [String; 2])>,
     /// Every picture of the grid, by name, for files.
     pictures: Vec<(String, Raster<[u8; 3]>)>,
 }
@@ -66,7 +70,9 @@ impl ItemFigures {
             let item = Item { views: &views, lights, truth: prepared.truth(), network: session.as_ref() };
             let answer = method.answer(&item)?;
             if let Some(Ok(aligned)) = prepared.align(&answer.prediction, Region::Overlap)? {
-                drawn.push(Drawn::of_answer(method.as_str(), &aligned, &prepared));
+                let answers = Answers::of_prediction(&answer.prediction, prepared.truth())?;
+                let fill = answers.map(|[a, _]| a.fill);
+                drawn.push(Drawn { fill, ..Drawn::of_answer(method.as_str(), &aligned, &prepared) });
             }
         }
         let grey = views.map(|view| maps::grey(&view.image));
@@ -81,8 +87,9 @@ impl ItemFigures {
         std::fs::create_dir_all(folder).map_err(Error::io("make", folder))?;
         let write = |name: &str, bytes: &[u8]| selenograph_files::write(&folder.join(name), bytes);
         write("grid.svg", self.grid.as_bytes())?;
-        for (method, svg) in &self.profiles {
-            write(&format!("profile_{method}.svg"), svg.as_bytes())?;
+        for (method, [profile, residual]) in &self.profiles {
+            write(&format!("profile_{method}.svg"), profile.as_bytes())?;
+            write(&format!("residual_{method}.svg"), residual.as_bytes())?;
         }
         for (name, picture) in &self.pictures {
             write(&format!("{name}.png"), &png::encode_rgb8(picture)?)?;
@@ -95,14 +102,14 @@ impl ItemFigures {
         let grid = Figure::svg(
             self.grid.clone(),
             &format!(
-                "{}. Depth in viridis, slope in heat (0 to 40°), hillshade of the points, the cloud (view A red, view B green); grey: no answer.",
+                "{}. Hillshade of the points under a lamp at the upper left; the cloud has view A in orange, view B in blue. Striped: completed, not measured; grey: no answer.",
                 self.name
             ),
         );
-        let profiles = self.profiles.iter().map(|(method, svg)| {
+        let profiles = self.profiles.iter().map(|(method, svgs)| {
             Figure::svg(
-                svg.clone(),
-                &format!("Central row of view A, {method}: world Z, truth in red, prediction in brown."),
+                svgs.concat(),
+                &format!("Central row of view A, {method}: world Z, truth in blue, prediction in orange, dashed where it is completed; below it their difference."),
             )
         });
         std::iter::once(grid).chain(profiles).collect()
@@ -122,7 +129,21 @@ impl Drawn {
             name,
             maps: Maps::new(aligned, prepared.truth()),
             cloud: cloud::picture(&aligned.points_in_cam_a, &world_from_cam_a),
+            fill: None,
         }
+    }
+
+    fn striped(&self, picture: Raster<[u8; 3]>) -> Raster<[u8; 3]> {
+        match &self.fill {
+            Some(fill) => maps::striped(&picture, fill),
+            None => picture,
+        }
+    }
+
+    /// Where the central row was completed.
+    fn completed_in_profile(&self) -> Option<Vec<bool>> {
+        let fill = self.fill.as_ref().filter(|fill| fill.height > 0)?;
+        Some(fill.row(fill.height / 2).iter().map(|fill| *fill == Fill::Completed).collect())
     }
 }
 
@@ -150,24 +171,31 @@ fn assemble(
     let mut pictures = vec![("view_a".to_owned(), grey_a), ("view_b".to_owned(), grey_b)];
     // The truth sets the scale of every method's colours.
     let range = drawn.first().map_or([0.0, 1.0], |truth| truth.maps.depth_range_m());
-    for (k, title) in ["depth", "slope", "hillshade", "cloud"].into_iter().enumerate() {
+    let bar = |map, [low, high]: [f64; 2], label: &str| ColorBar { map, low, high, label: label.into() };
+    let bars = [
+        Some(bar(Colormap::Viridis, range.map(|z| z / 1e3), "z-depth (km)")),
+        Some(bar(Colormap::Inferno, [0.0, maps::MAX_SLOPE_DEG], "slope (°)")),
+        None,
+        None,
+    ];
+    for ((k, title), bar) in ["depth", "slope", "hillshade", "cloud"].into_iter().enumerate().zip(bars) {
+        let mut cells = Vec::new();
         // Below the two views the first column is blank.
-        let view = match pictures.get(k).filter(|_| k < 2) {
-            Some((_, view)) => Picture::photo(&halved(view))?,
-            None => Picture::exact(&Raster::filled(2, 2, [255; 3]))?,
-        };
-        let mut cells = vec![Some(view)];
+        if k < 2 {
+            cells.push(Some(Picture::photo(&halved(&pictures[k].1))?));
+        }
+        let first = 1 - cells.len();
         for one in drawn {
             let picture = match k {
-                0 => Some(one.maps.depth_picture(range)),
-                1 => Some(one.maps.slope_picture()),
-                2 => Some(one.maps.hillshade_picture()),
+                0 => Some(one.striped(one.maps.depth_picture(range))),
+                1 => Some(one.striped(one.maps.slope_picture())),
+                2 => Some(one.striped(one.maps.hillshade_picture())),
                 _ => one.cloud.clone(),
             };
             cells.push(picture.as_ref().map(|picture| Picture::exact(&halved(picture))).transpose()?);
             pictures.extend(picture.map(|picture| (format!("{title}_{}", one.name), picture)));
         }
-        grid.row(title, cells);
+        grid.row_from(first, title, cells, bar);
     }
     let truth = drawn.first().map(|d| d.maps.profile_m()).unwrap_or_default();
     // One offset for both curves: a biased prediction shows its bias.
@@ -177,13 +205,18 @@ fn assemble(
     let columns: Vec<f64> = (0..truth.len()).map(|x| x as f64).collect();
     let profiles = drawn.iter().skip(1).map(|d| {
         let prediction = over_mean(d.maps.profile_m());
-        let chart = profile(
-            &format!("Central row, {}", d.name),
-            Axis::new("column (px)"),
-            Axis::new("world Z over the true mean (m)"),
-            &Profile { distance: &columns, truth: Some(&truth), prediction: &prediction, sigma: None },
-        );
-        (d.name, chart.svg())
+        let completed = d.completed_in_profile();
+        let shown = Profile {
+            distance: &columns,
+            truth: Some(&truth),
+            prediction: &prediction,
+            completed: completed.as_deref(),
+            ..Profile::default()
+        };
+        let (x, title) = (|| Axis::new("column (px)"), format!("Central row, {}", d.name));
+        let chart = profile(&title, x(), Axis::new("world Z over the true mean (m)"), &shown);
+        let off = residual(x(), Axis::new("off (m)"), &shown);
+        (d.name, [chart.svg(), off.map(|chart| chart.svg()).unwrap_or_default()])
     });
     Ok(ItemFigures { name, grid: grid.svg(), profiles: profiles.collect(), pictures })
 }

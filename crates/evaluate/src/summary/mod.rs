@@ -1,10 +1,12 @@
 //! Lines of an evaluation become numbers: what is taken of a line, and which lines belong together.
 
 pub(crate) mod classes;
+mod overview;
 mod page;
 mod quantity;
 mod results;
 
+pub use overview::{Overview, overview, overview_table, overview_text};
 pub use page::{Contents, page};
 pub use results::{Results, summary_json};
 

@@ -83,8 +83,7 @@ pub fn summary_json(source: &Source, completed: &Completed, methods: &[MethodLin
     let name = source.root.file_name().map(|name| name.to_string_lossy().into_owned());
     let of_methods: Map<String, Value> = methods
         .iter()
-        .zip(&completed.seconds_per_item)
-        .map(|(method, seconds)| {
+        .map(|method| {
             let mut classes: Map<String, Value> = Breakdown::Trajectory
                 .split(&method.lines)
                 .into_iter()
@@ -94,7 +93,6 @@ pub fn summary_json(source: &Source, completed: &Completed, methods: &[MethodLin
             classes.insert("all".into(), means(&answered));
             let value = json!({
                 "settings": method.settings,
-                "seconds_per_item": seconds,
                 "by_trajectory": classes,
             });
             (method.method.as_str().to_owned(), value)

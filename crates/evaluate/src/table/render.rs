@@ -42,9 +42,12 @@ impl Column {
     }
 }
 
-fn reduction(cell: &Cell) -> Option<String> {
-    cell.reduction_pct
-        .map(|pct| format!("{}{} %", if pct < 0.0 { "+" } else { "−" }, number::fixed(pct.abs(), 0)))
+pub(super) fn reduction(cell: &Cell) -> Option<String> {
+    let pct = cell.reduction_pct?;
+    // What is left is told to one digit at least: 99.64 % is not all.
+    let left = 100.0 - pct;
+    let decimals = if left > 0.0 && left < 0.5 { (-left.log10()).ceil().clamp(1.0, 6.0) as usize } else { 0 };
+    Some(format!("{}{} %", if pct < 0.0 { "+" } else { "−" }, number::fixed(pct.abs(), decimals)))
 }
 
 /// The two columns before the numbers, and how many items a row is of.
@@ -211,27 +214,36 @@ impl Table {
         out
     }
 
-    /// For a page.
+    /// For a page, which has the definitions of all its tables in one list.
     ///
     /// # Errors
     /// [`Error::Report`] if a row has another number of cells than there are columns, which no table made here has.
     pub fn page(&self) -> Result<PageTable, Error> {
-        let labels_of = LABELS.map(PageColumn::text);
-        let columns = self
-            .spec
-            .columns
-            .iter()
-            .map(|column| PageColumn::number(column.title()).defined(column.definition.clone()));
-        let mut table = PageTable::new(self.spec.title.clone(), labels_of.into_iter().chain(columns));
-        for row in &self.rows {
-            let numbers = row.cells.iter().zip(&self.spec.columns).map(|(cell, column)| {
-                let Some(cell) = cell else { return PageCell::from("–") };
+        let labels_of = LABELS[1..].iter().map(|label| PageColumn::text(*label));
+        // A column or row in which nothing is known says nothing.
+        let is_known = |k: &usize| self.rows.iter().any(|row| row.cells[*k].is_some());
+        let known: Vec<usize> = (0..self.spec.columns.len()).filter(is_known).collect();
+        let columns = known.iter().map(|k| &self.spec.columns[*k]);
+        let heads =
+            columns.map(|column| PageColumn::number(column.title()).defined(column.definition.clone()));
+        let mut table = PageTable::new(self.spec.title.clone(), labels_of.chain(heads)).defined_elsewhere();
+        let mut last_class = None;
+        for row in self.rows.iter().filter(|row| row.cells.iter().any(Option::is_some)) {
+            if last_class != Some(&row.class) {
+                table.group(&row.class);
+                last_class = Some(&row.class);
+            }
+            let numbers = known.iter().map(|k| {
+                let (Some(cell), column) = (&row.cells[*k], &self.spec.columns[*k]) else {
+                    return PageCell::from("–");
+                };
                 let page_cell = PageCell::from(column.write(cell.estimate.value)).best_if(cell.is_best);
                 let parts = [column.interval(cell), reduction(cell)];
                 let small = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
                 if small.is_empty() { page_cell } else { page_cell.with_small(small) }
             });
-            table.row(labels(row).map(PageCell::from).into_iter().chain(numbers))?;
+            let [_, name, count] = labels(row).map(PageCell::from);
+            table.row([name, count].into_iter().chain(numbers))?;
         }
         Ok(table)
     }

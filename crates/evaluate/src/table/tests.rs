@@ -91,6 +91,20 @@ fn best_and_reduction_are_of_methods_that_see_pictures() {
     );
 }
 
+#[test]
+fn a_reduction_that_leaves_something_is_never_all() {
+    let told = |pct: f64| {
+        let estimate = Estimate { value: 1.0, interval: None, num_items: 1, num_geometries: 1 };
+        render::reduction(&Cell { estimate, is_best: false, reduction_pct: Some(pct) }).unwrap()
+    };
+    // 0.696 → 0.0025.
+    assert_eq!(told(100.0 * (1.0 - 0.0025 / 0.696)), "−99.6 %");
+    assert_eq!(
+        [told(99.9991), told(75.2), told(-20.0), told(100.0)],
+        ["−99.999 %", "−75 %", "+20 %", "−100 %"]
+    );
+}
+
 /// The forms of one small table, as they were looked at and found right.
 #[test]
 fn forms_are_as_they_were() {

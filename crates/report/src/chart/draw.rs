@@ -27,8 +27,8 @@ impl Chart {
         let plot = Plot::new(self, legend_rows);
         let mut out = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\" \
-         font-family=\"system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif\" font-size=\"{SMALL}\" fill=\"#1c1c20\">\n\
-         <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n",
+         font-family=\"system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif\" font-size=\"{SMALL}\" class=\"drawing\" fill=\"#1c1c20\">\n\
+         <rect class=\"paper\" width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n",
             w = self.width,
             h = self.height
         );
@@ -122,7 +122,7 @@ impl<'a> Plot<'a> {
     fn axes(&self) -> String {
         let Self { left, top, width, height, .. } = *self;
         let (right, bottom) = (left + width, top + height);
-        let mut out = String::from("<g stroke=\"#e3e3de\" stroke-width=\"1\">\n");
+        let mut out = String::from("<g class=\"rules\" stroke=\"#e3e3de\" stroke-width=\"1\">\n");
         let x_ticks = thin(self.chart.x.ticks(self.x_ends, 8), width);
         let y_ticks = self.chart.y.ticks(self.y_ends, 6);
         let place = |axis: &Axis, value: f64, ends| {
@@ -145,7 +145,7 @@ impl<'a> Plot<'a> {
                 &format!("<line x1=\"{:.1}\" y1=\"{y:.1}\" x2=\"{right:.1}\" y2=\"{y:.1}\"/>\n", left - 4.0);
         }
         out += &format!(
-            "</g>\n<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{right:.1}\" fill=\"none\" stroke=\"#55555d\"/>\n<g text-anchor=\"middle\">\n"
+            "</g>\n<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{right:.1}\" fill=\"none\" class=\"axis\" stroke=\"#55555d\"/>\n<g text-anchor=\"middle\">\n"
         );
         for (x, label) in &xs {
             out += &format!("<text x=\"{x:.1}\" y=\"{:.1}\">{}</text>\n", bottom + 17.0, escape(label));

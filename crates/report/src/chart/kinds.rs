@@ -59,9 +59,11 @@ pub struct Profile<'a> {
     pub prediction: &'a [f64],
     /// One standard deviation of the prediction.
     pub sigma: Option<&'a [f64]>,
+    /// Where the prediction is completed from its surroundings and nothing was measured.
+    pub completed: Option<&'a [bool]>,
 }
 
-/// A profile: truth in red, prediction in brown with a band of one sigma. NaN breaks the lines.
+/// A profile: truth in blue, prediction in orange with a band of one sigma, dashed where it is completed. NaN breaks the lines.
 pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
     let along = |values: &[f64]| -> Vec<[f64; 2]> {
         profile.distance.iter().zip(values).map(|(d, v)| [*d, *v]).collect()
@@ -79,5 +81,24 @@ pub fn profile(title: &str, x: Axis, y: Axis, profile: &Profile<'_>) -> Chart {
     if let Some(truth) = profile.truth {
         chart = chart.line("truth", TRUTH, along(truth));
     }
-    chart.line("prediction", PREDICTION, along(profile.prediction))
+    let Some(completed) = profile.completed else {
+        return chart.line("prediction", PREDICTION, along(profile.prediction));
+    };
+    let [measured, completed] = [false, true].map(|which| -> Vec<f64> {
+        let kept = profile.prediction.iter().zip(completed);
+        kept.map(|(value, is_completed)| if *is_completed == which { *value } else { f64::NAN }).collect()
+    });
+    if completed.iter().any(|value| value.is_finite()) {
+        chart = chart.dashed("completed", PREDICTION, along(&completed));
+    }
+    chart.line("prediction", PREDICTION, along(&measured))
+}
+
+/// The strip below a profile: prediction minus truth, which the profile hides where both coincide; `None` without a truth.
+pub fn residual(x: Axis, y: Axis, profile: &Profile<'_>) -> Option<Chart> {
+    let off = profile.prediction.iter().zip(profile.truth?).map(|(prediction, truth)| prediction - truth);
+    let points: Vec<[f64; 2]> = profile.distance.iter().zip(off).map(|(d, v)| [*d, v]).collect();
+    let ends = [profile.distance.first(), profile.distance.last()].map(|end| end.copied().unwrap_or(0.0));
+    let chart = Chart::new("prediction − truth", x, y).size(900.0, 150.0);
+    Some(chart.dashed("", QUIET, ends.map(|end| [end, 0.0]).to_vec()).line("", PREDICTION, points))
 }

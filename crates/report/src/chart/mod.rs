@@ -6,7 +6,7 @@ mod kinds;
 
 pub use axis::Axis;
 use axis::Scale;
-pub use kinds::{Profile, cumulative, profile, reliability};
+pub use kinds::{Profile, cumulative, profile, reliability, residual};
 
 use crate::color::{self, Rgb};
 

@@ -72,10 +72,17 @@ fn kinds() {
     let distance = [0.0, 1.0, 2.0, 3.0, 4.0];
     let values = [1.0, 2.0, f64::NAN, 2.0, 1.0];
     let sigma = [0.1; 5];
-    let both =
-        Profile { distance: &distance, truth: Some(&values), prediction: &values, sigma: Some(&sigma) };
+    let completed = [false, false, false, true, true];
+    let both = Profile {
+        distance: &distance,
+        truth: Some(&values),
+        prediction: &values,
+        sigma: Some(&sigma),
+        completed: Some(&completed),
+    };
     let svg = checked(&profile("p", Axis::new("m"), Axis::new("m"), &both));
     assert_eq!(svg.matches("<polygon").count(), 2, "a gap makes two bands");
+    assert!(svg.contains(">completed<") && svg.contains("stroke-dasharray"));
     let names = ["nadir".to_owned(), "oblique".to_owned()];
     let groups = [("a".to_owned(), vec![1.0, 2.0]), ("b".to_owned(), vec![2.0, f64::NAN])];
     let svg = checked(&Chart::grouped_bars("g", &names, Axis::new("y"), &groups));

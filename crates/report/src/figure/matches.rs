@@ -1,4 +1,4 @@
-//! Two pictures side by side with lines between them.
+//! Two pictures side by side: where they show the same place, and lines between those on demand.
 
 use super::{Picture, image, open_svg};
 use crate::color::{Rgb, hex};
@@ -15,7 +15,8 @@ pub struct Line {
     pub color: Rgb,
 }
 
-/// Two pictures side by side, `height` CSS pixels high, with lines between them and a title above each.
+/// Two pictures side by side, `height` CSS pixels high, a title above each, points at the ends of the lines, and the lines in a
+/// group of the class `lines`.
 pub fn side_by_side(
     left: &Picture,
     right: &Picture,
@@ -33,16 +34,20 @@ pub fn side_by_side(
         out += &format!("<text x=\"{:.1}\" y=\"13\">{}</text>\n", offset[k], escape(titles[k]));
         out += &image(picture, offset[k], TOP, width[k], height);
     }
+    let (mut between, mut points) = (String::new(), String::new());
     for line in lines {
         let [x1, y1] = line.left.map(|v| v * scale[0]);
         let [x2, y2] = line.right.map(|v| v * scale[1]);
         if [x1, y1, x2, y2].iter().all(|v| v.is_finite()) {
             let (y1, x2, y2, color) = (y1 + TOP, x2 + offset[1], y2 + TOP, hex(line.color));
-            out += &format!(
-                "<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"{color}\" stroke-width=\"0.9\" stroke-opacity=\"0.75\"/>\
-                 <circle cx=\"{x1:.1}\" cy=\"{y1:.1}\" r=\"1.8\" fill=\"{color}\"/><circle cx=\"{x2:.1}\" cy=\"{y2:.1}\" r=\"1.8\" fill=\"{color}\"/>\n"
-            );
+            between += &format!("<path d=\"M{x1:.1} {y1:.1}L{x2:.1} {y2:.1}\" stroke=\"{color}\"/>\n");
+            for (x, y) in [(x1, y1), (x2, y2)] {
+                points += &format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.2\" fill=\"{color}\"/>\n");
+            }
         }
     }
-    out + "</svg>\n"
+    out + &format!(
+        "<g class=\"lines\" stroke-width=\"0.9\" stroke-opacity=\"0.75\">\n{between}</g>\n\
+         <g stroke=\"#ffffff\" stroke-width=\"0.5\">\n{points}</g>\n</svg>\n"
+    )
 }

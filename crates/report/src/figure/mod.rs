@@ -32,6 +32,12 @@ impl Figure {
         Self { content: svg, caption: caption.to_owned() }
     }
 
+    /// A drawing whose group of the class `lines` is shown when its box is ticked.
+    pub fn with_lines_on_demand(svg: String, caption: &str, label: &str) -> Self {
+        let toggle = format!("<label class=\"toggle\"><input type=\"checkbox\"> {}</label>\n", escape(label));
+        Self { content: toggle + &svg, caption: caption.to_owned() }
+    }
+
     pub(crate) fn html(&self) -> String {
         format!("<figure>\n{}\n<figcaption>{}</figcaption>\n</figure>\n", self.content, escape(&self.caption))
     }
@@ -41,8 +47,8 @@ impl Figure {
 fn open_svg(width: f64, height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" width=\"{width:.0}\" height=\"{height:.0}\" \
-         role=\"img\" font-family=\"system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif\" font-size=\"11.5\" fill=\"#1c1c20\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
+         role=\"img\" font-family=\"system-ui, Segoe UI, Roboto, Helvetica Neue, Arial, sans-serif\" font-size=\"11.5\" class=\"drawing\" fill=\"#1c1c20\">\n\
+         <rect class=\"paper\" width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
     )
 }
 

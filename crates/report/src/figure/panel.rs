@@ -29,15 +29,28 @@ pub struct Panel {
     bar: Option<ColorBar>,
     keys: Vec<(Rgb, String)>,
     lines: Vec<([f64; 2], [f64; 2], Rgb)>,
+    scale: Option<(f64, String)>,
+    north_rad: Option<f64>,
     width: f64,
 }
 
 const TOP: f64 = 20.0;
+/// Room for a colour bar and its label.
+pub(super) const BESIDE: f64 = 84.0;
 
 impl Panel {
     /// A picture with a title, 380 CSS pixels wide.
     pub fn new(picture: Picture, title: impl Into<String>) -> Self {
-        Self { picture, title: title.into(), bar: None, keys: Vec::new(), lines: Vec::new(), width: 380.0 }
+        Self {
+            picture,
+            title: title.into(),
+            bar: None,
+            keys: Vec::new(),
+            lines: Vec::new(),
+            scale: None,
+            north_rad: None,
+            width: 380.0,
+        }
     }
 
     /// A map of values in colours, with its bar.
@@ -52,6 +65,18 @@ impl Panel {
     /// Another width of the picture, CSS pixels.
     pub fn width(mut self, width: f64) -> Self {
         self.width = width;
+        self
+    }
+
+    /// With a scale bar: length of the picture's width in `unit`.
+    pub fn scale_bar(mut self, length: f64, unit: impl Into<String>) -> Self {
+        self.scale = Some((length, unit.into()));
+        self
+    }
+
+    /// With an arrow to the north, radians clockwise from up.
+    pub fn north(mut self, clockwise_rad: Option<f64>) -> Self {
+        self.north_rad = clockwise_rad;
         self
     }
 
@@ -71,7 +96,7 @@ impl Panel {
     pub fn svg(&self) -> String {
         let scale = self.width / self.picture.width.max(1) as f64;
         let height = self.picture.height as f64 * scale;
-        let beside = if self.bar.is_some() { 84.0 } else { 0.0 };
+        let beside = if self.bar.is_some() { BESIDE } else { 0.0 };
         let below = if self.keys.is_empty() { 0.0 } else { 17.0 * self.keys.len() as f64 + 4.0 };
         let mut out = open_svg(self.width + beside, TOP + height + below);
         out += &format!("<text x=\"0\" y=\"13\" font-weight=\"600\">{}</text>\n", escape(&self.title));
@@ -85,6 +110,7 @@ impl Panel {
                 hex(*color)
             );
         }
+        out += &self.map_marks(height);
         if let Some(bar) = &self.bar {
             out += &bar.svg(self.width + 10.0, TOP, height);
         }
@@ -101,9 +127,51 @@ impl Panel {
     }
 }
 
+impl Panel {
+    /// Scale bar at the lower left, arrow at the upper right: white with a dark rim, to be seen on any map.
+    fn map_marks(&self, height: f64) -> String {
+        let mut out = String::from(
+            "<g fill=\"#ffffff\" stroke=\"#000000\" stroke-width=\"2.5\" paint-order=\"stroke\" font-weight=\"600\">\n",
+        );
+        if let Some((length, unit)) = self.scale.as_ref().filter(|(length, _)| *length > 0.0) {
+            let round = round_below(0.3 * length);
+            let (bar, y) = (round / length * self.width, TOP + height - 12.0);
+            out += &format!(
+                "<rect x=\"10\" y=\"{y:.1}\" width=\"{bar:.1}\" height=\"4\"/><text x=\"10\" y=\"{:.1}\">{}</text>\n",
+                y - 5.0,
+                escape(&length_words(round, unit))
+            );
+        }
+        if let Some(angle) = self.north_rad {
+            let (x, y) = (self.width - 22.0, TOP + 24.0);
+            out += &format!(
+                "<g transform=\"translate({x:.1} {y:.1})\"><path transform=\"rotate({:.1})\" d=\"M0 -15L6 9L0 4L-6 9Z\"/>\
+                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">N</text></g>\n",
+                angle.to_degrees(),
+                -20.0 * angle.sin(),
+                20.0 * angle.cos() + 4.0
+            );
+        }
+        out + "</g>\n"
+    }
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not above a length.
+fn round_below(length: f64) -> f64 {
+    let power = 10f64.powf(length.log10().floor());
+    [5.0, 2.0].map(|m| m * power).into_iter().find(|round| *round <= length).unwrap_or(power)
+}
+
+/// Kilometres from a thousand metres on.
+fn length_words(length: f64, unit: &str) -> String {
+    let (length, unit) =
+        if unit == "m" && length >= 1000.0 { (length / 1000.0, "km") } else { (length, unit) };
+    format!("{} {unit}", crate::number::significant(length, 1))
+}
+
 impl ColorBar {
     /// The bar with its ticks, `height` high.
-    fn svg(&self, x: f64, y: f64, height: f64) -> String {
+    pub(super) fn svg(&self, x: f64, y: f64, height: f64) -> String {
         const STEPS: usize = 48;
         let mut out = String::new();
         let step = height / STEPS as f64;
@@ -122,7 +190,7 @@ impl ColorBar {
             if let Some(share) = axis.share(value, ends).filter(|share| (0.0..=1.0).contains(share)) {
                 let at = y + (1.0 - share) * height;
                 out += &format!(
-                    "<path d=\"M{:.1} {at:.1}h4\" stroke=\"#55555d\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+                    "<path d=\"M{:.1} {at:.1}h4\" class=\"axis\" stroke=\"#55555d\"/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
                     x + 13.0,
                     x + 19.0,
                     (at + 4.0).clamp(y + 8.0, y + height),

@@ -37,11 +37,20 @@ fn panels_and_grids() {
     let values = Raster::from_fn(4, 3, |x, y| if x == y { f32::NAN } else { x as f32 });
     let bar = |low, high| ColorBar { map: Colormap::Viridis, low, high, label: "m".into() };
     let panel = Panel::of_values(&values, "depth <z>", bar(0.0, 3.0)).unwrap();
-    let svg = checked(panel.key([1, 2, 3], "safe").line([0.0, 1.5], [4.0, 1.5], [255; 3]).svg());
+    let panel = panel.key([1, 2, 3], "safe").line([0.0, 1.5], [4.0, 1.5], [255; 3]);
+    let svg = checked(panel.svg());
     assert!(svg.contains("depth &lt;z&gt;") && svg.contains(">safe<") && svg.contains(">3<"));
+    let map = panel.scale_bar(8160.0, "m").north(Some(0.5));
+    let svg = checked(map.svg());
+    // 30 % of the width is 2.4 km: a bar of 2 km.
+    assert!(svg.contains(">2 km</text>") && svg.contains("rotate(28.6)"), "{svg}");
     // A map of one value has a bar without a length; it must not stop the report.
     checked(Panel::of_values(&values, "t", bar(2.0, 2.0)).unwrap().svg());
     let mut grid = Grid::new(["truth", "sift"], 100.0);
     grid.row("nadir", vec![Some(picture(4, 4)), None]).row("none", vec![None, None]);
     assert_eq!(checked(grid.svg()).matches("no answer").count(), 3);
+    // A row that begins in the second column, with its bar to the right of all.
+    grid.row_from(1, "slope", vec![Some(picture(4, 4))], Some(bar(0.0, 40.0)));
+    let svg = checked(grid.svg());
+    assert!(svg.contains("<image x=\"126.0\"") && svg.contains(">40</text>"), "{svg}");
 }

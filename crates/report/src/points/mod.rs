@@ -17,7 +17,7 @@ pub struct Point {
     pub position: [f32; 3],
     /// How bright the picture is there.
     pub grey: u8,
-    /// 1 or 2: which view it belongs to (red or green).
+    /// 1 or 2: which view it belongs to (orange or blue).
     pub view: u8,
 }
 
@@ -27,6 +27,12 @@ pub struct PointView {
     packed: Vec<u8>,
     num_shown: usize,
     num_all: usize,
+    /// Half the side of the cube that is shown.
+    half: f64,
+    /// Height of its middle.
+    middle: f64,
+    unit: String,
+    axes: [String; 3],
 }
 
 impl PointView {
@@ -56,7 +62,16 @@ impl PointView {
             }
             packed.extend_from_slice(&[point.grey, point.view]);
         }
-        Self { packed, num_shown: shown.len(), num_all }
+        let axes = ["x", "y", "height"].map(str::to_owned);
+        Self { packed, num_shown: shown.len(), num_all, half, middle: centre[2], unit: String::new(), axes }
+    }
+
+    /// The unit of lengths, the height of the points' zero, and the names of the axes, for scale and keys.
+    pub fn described(mut self, unit: &str, zero_height: f64, axes: [&str; 3]) -> Self {
+        self.unit = unit.to_owned();
+        self.middle += zero_height;
+        self.axes = axes.map(str::to_owned);
+        self
     }
 
     pub(crate) fn html(&self, number: usize, caption: &str) -> String {
@@ -67,10 +82,14 @@ impl PointView {
         };
         format!(
             "<figure class=\"points\">\n\
-             <canvas id=\"points-{number}\" width=\"900\" height=\"520\" data-points=\"{}\"></canvas>\n\
+             <canvas id=\"points-{number}\" width=\"900\" height=\"520\" data-half=\"{}\" data-middle=\"{}\" data-unit=\"{}\" data-axes=\"{}\" data-points=\"{}\"></canvas>\n\
              <div class=\"controls\" data-for=\"points-{number}\"></div>\n\
              <figcaption>{} ({count}). Drag to turn, wheel to come closer, drag with shift to move, double-click to start again.</figcaption>\n\
              </figure>\n",
+            self.half,
+            self.middle,
+            escape(&self.unit),
+            escape(&self.axes.join(",")),
             base64::encode(&self.packed),
             escape(caption)
         )
@@ -132,6 +151,11 @@ mod tests {
         assert!(number(0) < number(8) && number(4) < number(12));
         assert!(number(0) > 500 && number(8) < 65_035);
         assert_eq!(view.packed[6..8], [128, 1]);
+        let html = view.described("m", 100.0, ["east", "north", "height"]).html(1, "c");
+        // Heights 10 and 12 over a zero of 100: the middle is at 111.
+        assert!(html.contains("data-unit=\"m\" data-axes=\"east,north,height\""), "{html}");
+        let middle = html.split("data-middle=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert!((middle.parse::<f64>().unwrap() - 111.0).abs() < 0.1, "{middle}");
     }
 
     #[test]

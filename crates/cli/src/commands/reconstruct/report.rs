@@ -1,35 +1,28 @@
 //! `report.html` of a reconstruction.
 
+mod maps;
+
 use super::inputs::Pictures;
 use super::pose_file::PoseRecord;
+use maps::{frame_words, hazard_table, hazards, terrain, what_would_tell};
 use selenograph_geometry::Point3;
 use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, statistics};
-use selenograph_reconstruct::hazard::Hazard;
+use selenograph_reconstruct::Fill;
 use selenograph_reconstruct::pipeline::Reconstruction;
 use selenograph_reconstruct::products::Products;
 use selenograph_report::chart::{Profile, profile};
-use selenograph_report::color::{PREDICTION, Rgb, VIEW_1, VIEW_2};
+use selenograph_report::color::{VIEW_1, VIEW_2};
 use selenograph_report::figure::{ColorBar, Line, Panel, side_by_side};
 use selenograph_report::number::{fixed, significant};
-use selenograph_report::{Axis, Column, Figure, Page, Picture, Point, PointView, Table};
+use selenograph_report::{Axis, Figure, Page, Picture, Point, PointView, Table};
 
 /// Lines between the pictures: more hide them.
 const MAX_LINES: usize = 300;
-/// Slopes from here on have the brightest colour, degrees.
-const STEEP_DEG: f64 = 40.0;
 /// Longest side of a map in the page, pixels: the files beside it have the full size.
 const MAX_SIDE: usize = 1024;
 /// Width of one of two figures in a row, CSS pixels.
 const HALF: f64 = 400.0;
-
-const CLASSES: [(Hazard, Rgb, &str); 5] = [
-    (Hazard::Safe, [52, 152, 92], "safe"),
-    (Hazard::Slope, [214, 96, 40], "too steep"),
-    (Hazard::Roughness, [226, 178, 44], "too rough"),
-    (Hazard::Both, [150, 32, 48], "too steep and too rough"),
-    (Hazard::Unknown, [120, 120, 130], "cannot be told"),
-];
 
 /// Everything on one page.
 ///
@@ -48,17 +41,54 @@ pub fn page(
     for warning in &found.warnings {
         page.warning(&warning.to_string());
     }
-    page.section("Pose and size").table(&facts(found, made, pose));
+    let unit = unit_of(found);
+    page.key_numbers(key_numbers(made, pose, unit));
+    page.section("Terrain").figures(&terrain(made, unit)?);
+    page.figure(&central_profile(made, unit));
+    page.section("Points").points(&cloud(made, unit), "Every measured point");
+    page.section("Hazards").figure(&hazards(made, unit)?).table(&hazard_table(made, unit)?);
+    if let Some(text) = what_would_tell(made, unit) {
+        page.paragraph(&text);
+    }
     page.section("Pictures and matches");
     page.figure(&matches(pictures, found, [&names[0], &names[1]])?);
     page.section("Depth").figures(&depths(found)?);
-    let unit = unit_of(found);
-    page.section("Terrain").figures(&terrain(made, unit)?);
-    page.figure(&central_profile(made, unit));
-    page.section("Hazards").figure(&hazards(made)?).table(&hazard_table(made, unit)?);
-    page.section("Points").points(&cloud(made), "Every measured point; view 1 red, view 2 green");
-    page.section("How this was made").list(&pictures.notes).listing("run.toml", run_toml);
+    page.section("Pose, size and how this was made").table(&facts(found, made, pose)).list(&pictures.notes);
+    if let Some(crs) = &made.summary.crs {
+        page.listing("PROJ string of the maps", crs);
+    }
+    page.listing("run.toml", run_toml);
     Ok(page.finish())
+}
+
+/// How well the pose is known, how well the heights, and how much was measured.
+fn key_numbers(made: &Products, pose: Option<&PoseRecord>, unit: &str) -> [(String, &'static str); 3] {
+    let direction = pose.and_then(|pose| pose.direction_sigma_deg);
+    let sigma = made.summary.sigma_median.filter(|sigma| sigma.is_finite());
+    let unknown = || "not known".to_owned();
+    [
+        match (direction, pose) {
+            (Some(sigma), _) => {
+                (format!("± {}°", significant(sigma, 2)), "direction of the motion, one sigma")
+            }
+            (None, Some(_)) => (unknown(), "sigma of the motion: it was not estimated from matches"),
+            (None, None) => ("none".to_owned(), "relative pose: the pictures do not tell one"),
+        },
+        match sigma {
+            Some(sigma) => (
+                format!("± {} {unit}", significant(sigma, 2)),
+                "height of a cell, one sigma (median); the size's own error apart",
+            ),
+            None => (unknown(), "sigma of the heights: this method gives none"),
+        },
+        {
+            let [a, b] = made.summary.measured;
+            (
+                format!("{} %", fixed(50.0 * (a + b), 0)),
+                "of both pictures measured; the rest has no match or is completed",
+            )
+        },
+    ]
 }
 
 /// What lengths are in.
@@ -82,7 +112,7 @@ fn facts(found: &Reconstruction, made: &Products, pose: Option<&PoseRecord>) -> 
     let mut facts = vec![("metric", summary.metric.to_string()), ("size from", summary.scale_source.clone())];
     facts.extend(pose.into_iter().flat_map(pose_facts));
     facts.push((
-        "sigma of the size",
+        "one sigma of the size",
         summary
             .scale_sigma
             .map_or_else(|| "not known".into(), |s| format!("{} %", significant(100.0 * s, 2))),
@@ -101,7 +131,7 @@ fn facts(found: &Reconstruction, made: &Products, pose: Option<&PoseRecord>) -> 
         summary.grid_size[0],
         summary.grid_size[1],
         significant(summary.cell, 4),
-        summary.frame
+        frame_words(made)
     );
     let [low, high] = summary.height_range.map(|h| fixed(h, 2));
     let sigma =
@@ -128,11 +158,11 @@ fn pose_facts(pose: &PoseRecord) -> Vec<(&'static str, String)> {
     vec![
         ("relative pose", pose.source.to_owned()),
         ("rotation between the views", format!("{:.4}°", pose.rotation_deg)),
-        ("its sigma", sigma(pose.rotation_sigma_deg)),
-        ("sigma of the direction of motion", sigma(pose.direction_sigma_deg)),
+        ("one sigma of the rotation", sigma(pose.rotation_sigma_deg)),
+        ("one sigma of the direction of motion", sigma(pose.direction_sigma_deg)),
         ("baseline", format!("{}{unit}", significant(pose.baseline, 6))),
         ("residual of what agrees", format!("{:.3} px", pose.residual_px)),
-        ("share of it on one plane", plane_share),
+        ("matches that one plane explains as well", plane_share),
     ]
 }
 
@@ -167,12 +197,13 @@ fn matches(pictures: &Pictures, found: &Reconstruction, names: [&str; 2]) -> any
         })
         .collect();
     let judged = match found.prediction.cam_b_from_cam_a {
-        Ok(_) => "green agree with the pose, red do not",
+        Ok(_) => "blue agree with the pose, orange do not",
         Err(_) => "no pose says which are right",
     };
     let (shown, all) = (lines.len(), found.matches.len());
     let caption = format!("{shown} of {all} matches; {judged}. Grey levels are stretched for looking.");
-    Ok(Figure::svg(side_by_side(&photo_a, &photo_b, names, &lines, 520.0), &caption))
+    let drawing = side_by_side(&photo_a, &photo_b, names, &lines, 520.0);
+    Ok(Figure::with_lines_on_demand(drawing, &caption, "lines between matches"))
 }
 
 /// The z-depth of each view in viridis, on one scale.
@@ -200,48 +231,21 @@ fn depths(found: &Reconstruction) -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-fn terrain(made: &Products, unit: &str) -> anyhow::Result<Vec<Figure>> {
-    let shade = Picture::exact(&shrunk(&Colormap::Grey.paint(&made.hillshade, 0.0, 1.0)))?;
-    let (width, height) = (shade.width as f64, shade.height as f64);
-    let middle = 0.5 * height;
-    let shade = Panel::new(shade, "Hillshade").width(HALF).line([0.0, middle], [width, middle], PREDICTION);
-    let heights = &made.dem.heights;
-    let sampled = heights.data.iter().step_by(7).map(|h| f64::from(*h));
-    let [low, high] = statistics::quantiles(sampled, [0.002, 0.998]).unwrap_or([0.0, 1.0]);
-    let bar = ColorBar { map: Colormap::Viridis, low, high, label: format!("height ({unit})") };
-    let heights = Panel::of_values(&shrunk(heights), "Heights", bar)?.width(HALF);
-    let slope_deg = made.slope_rad.map(|slope| slope.to_degrees());
-    let bar = ColorBar { map: Colormap::Inferno, low: 0.0, high: STEEP_DEG, label: "slope (°)".into() };
-    let slope = Panel::of_values(&shrunk(&slope_deg), "Slope", bar)?.width(HALF);
-    let mut figures = vec![
-        Figure::svg(shade.svg(), "Lit from the upper left; the line is that of the profile below."),
-        Figure::svg(heights.svg(), &made.summary.frame),
-        Figure::svg(slope.svg(), "By Horn's 3×3 kernel on the grid."),
-    ];
-    let sampled = made.dem.sigma.data.iter().step_by(7).map(|s| f64::from(*s));
-    if let Some([high]) = statistics::quantiles(sampled, [0.98]) {
-        let bar = ColorBar { map: Colormap::Inferno, low: 0.0, high, label: format!("sigma ({unit})") };
-        let sigma = Panel::of_values(&shrunk(&made.dem.sigma), "Sigma of the heights", bar)?.width(HALF);
-        figures.push(Figure::svg(
-            sigma.svg(),
-            "What the matching itself can tell; an error of the size is not in it.",
-        ));
-    }
-    Ok(figures)
-}
-
 fn central_profile(made: &Products, unit: &str) -> Figure {
     let (heights, sigma) = (&made.dem.heights, &made.dem.sigma);
     let row = heights.height / 2;
     let distance: Vec<f64> = (0..heights.width).map(|x| x as f64 * made.dem.cell).collect();
     let values = |raster: &Raster<f32>| raster.row(row).iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
     let (prediction, sigma) = (values(heights), values(sigma));
+    let fill = made.dem.fill.row(row).iter();
+    let completed: Vec<bool> = fill.map(|fill| *fill == Fill::Completed).collect();
     let has_sigma = sigma.iter().any(|s| s.is_finite());
     let shown = Profile {
         distance: &distance,
         truth: None,
         prediction: &prediction,
         sigma: has_sigma.then_some(sigma.as_slice()),
+        completed: Some(&completed),
     };
     let axes = [Axis::new(format!("distance ({unit})")), Axis::new(format!("height ({unit})"))];
     let [x, y] = axes;
@@ -251,52 +255,15 @@ fn central_profile(made: &Products, unit: &str) -> Figure {
     )
 }
 
-fn hazards(made: &Products) -> anyhow::Result<Figure> {
-    let color =
-        |class: &Hazard| CLASSES.iter().find(|(c, ..)| c == class).map_or([0; 3], |(_, color, _)| *color);
-    let mut panel =
-        Panel::new(Picture::exact(&shrunk(&made.hazard.classes.map(color)))?, "Hazards").width(HALF);
-    for (_, color, meaning) in CLASSES {
-        panel = panel.key(color, meaning);
-    }
-    Ok(Figure::svg(panel.svg(), "Slope and roughness over the lander's footprint, against the limits below."))
-}
-
-fn hazard_table(made: &Products, unit: &str) -> anyhow::Result<Table> {
-    let hazard = &made.summary.hazard;
-    let columns =
-        [Column::text("limit"), Column::number("value"), Column::text("class"), Column::number("share (%)")];
-    let mut table = Table::new("", columns);
-    let percent = |share: f64| fixed(100.0 * share, 1);
-    table.row([
-        "slope".to_owned(),
-        format!("{}°", significant(hazard.max_slope_deg, 3)),
-        "safe".into(),
-        percent(hazard.safe),
-    ])?;
-    table.row([
-        "roughness".to_owned(),
-        format!("{} {unit}", significant(hazard.max_roughness, 3)),
-        "too steep".into(),
-        percent(hazard.slope + hazard.both),
-    ])?;
-    table.row([
-        "footprint".to_owned(),
-        format!("{} {unit}", significant(hazard.footprint, 3)),
-        "too rough".into(),
-        percent(hazard.roughness + hazard.both),
-    ])?;
-    let judged = if hazard.sigma_aware { "by value and sigma" } else { "by value alone" };
-    table.row(["judged".to_owned(), judged.to_owned(), "cannot be told".into(), percent(hazard.unknown)])?;
-    Ok(table)
-}
-
-fn cloud(made: &Products) -> PointView {
+/// In the colours of the pictures.
+fn cloud(made: &Products, unit: &str) -> PointView {
     let points: Vec<Point> = made
         .cloud
         .points
         .iter()
         .map(|point| Point { position: point.position, grey: point.color[0], view: point.view + 1 })
         .collect();
-    PointView::new(&points, [0.0, 0.0, 1.0])
+    let axes = ["map x", "map y", "height"];
+    let axes = if made.summary.crs.is_some() { axes } else { ["x", "y", "height"] };
+    PointView::new(&points, [0.0, 0.0, 1.0]).described(unit, made.cloud.origin[2], axes)
 }
