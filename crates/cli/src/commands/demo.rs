@@ -122,6 +122,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         pairs: Vec::new(),
         limit: None,
         k_convention: None,
+        no_verify: false,
         figures: false,
         network: NetworkChoice::default(),
         target: target("evaluation"),
