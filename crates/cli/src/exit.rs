@@ -155,6 +155,7 @@ fn code(error: &anyhow::Error) -> u8 {
             | ErrorKind::IsADirectory
             | ErrorKind::ReadOnlyFilesystem
             | ErrorKind::InvalidInput
+            | ErrorKind::FileTooLarge
             | ErrorKind::InvalidData
             | ErrorKind::InvalidFilename
             | ErrorKind::UnexpectedEof,

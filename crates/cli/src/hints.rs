@@ -204,10 +204,13 @@ fn train(error: &selenograph_train::Error) -> Option<String> {
 fn io(kind: ErrorKind) -> Option<String> {
     match kind {
         ErrorKind::NotFound => some("check the path; relative paths start at the current folder"),
-        ErrorKind::PermissionDenied
-        | ErrorKind::ReadOnlyFilesystem
-        | ErrorKind::NotADirectory
-        | ErrorKind::AlreadyExists => some("choose a folder that you may write to with --out"),
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::AlreadyExists => {
+            some("choose a folder that you may write to with --out")
+        }
+        ErrorKind::InvalidInput | ErrorKind::FileTooLarge => {
+            some("is it the right path? What a pipe or a device gives can be written into a file first")
+        }
+        ErrorKind::NotADirectory => some("a folder is expected here, not a file"),
         ErrorKind::IsADirectory => some("a file is expected here, not a folder"),
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Some(no_room()),
         _ => None,

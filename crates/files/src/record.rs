@@ -1,6 +1,6 @@
 //! The run record: what was run, on what, with which settings, and what came of it.
 
-use crate::{Error, write};
+use crate::{Error, checksum, write};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,6 +8,9 @@ use toml::{Table, Value};
 
 /// The file's name; parts of one run have names of their own.
 pub const RUN_NAME: &str = "run.toml";
+
+/// Before the checksum of the text above it, in the last line: a comment, so that it is no key of any table.
+const SUM: &str = "# BLAKE3 of all above: ";
 
 /// What is written: the same keys for every command, then its own settings.
 #[derive(Debug, Clone, Serialize)]
@@ -54,7 +57,9 @@ impl<'a, S: Serialize, O: Serialize> RunRecord<'a, S, O> {
     /// # Errors
     /// [`Error::Record`] for a value that has no form in TOML.
     pub fn to_toml(&self) -> Result<String, Error> {
-        toml::to_string(self).map_err(|source| Error::Record { path: RUN_NAME.into(), source })
+        let text = toml::to_string(self).map_err(|source| Error::Record { path: RUN_NAME.into(), source })?;
+        let sum = checksum::of_bytes(text.as_bytes());
+        Ok(format!("{text}{SUM}{sum}\n"))
     }
 
     /// Writes the file.
@@ -75,8 +80,10 @@ pub struct ReadRecord {
     pub settings_blake3: Option<String>,
     /// What was read, with its BLAKE3.
     pub inputs: BTreeMap<String, String>,
-    /// Whether the command has come to its end, where it records that.
-    pub has_outcome: bool,
+    /// What came of it: absent while the command runs, and where it records none.
+    pub outcome: Option<Table>,
+    /// Whether the text is the one that was written, by the checksum in its last line; older versions wrote none.
+    pub is_as_written: Option<bool>,
     /// The command's own.
     pub settings: Table,
 }
@@ -111,9 +118,15 @@ pub fn read(path: &Path) -> Result<ReadRecord, Error> {
         command: common.command,
         settings_blake3: common.settings_blake3,
         inputs: common.inputs,
-        has_outcome: common.outcome.is_some(),
+        outcome: common.outcome,
+        is_as_written: is_as_written(&text),
         settings: common.settings,
     })
+}
+
+fn is_as_written(text: &str) -> Option<bool> {
+    let (above, sum) = text.rsplit_once(SUM)?;
+    Some(checksum::of_bytes(above.as_bytes()).to_hex().as_str() == sum.trim_end())
 }
 
 /// Whether a folder's `run.toml` is that of a command.
@@ -126,7 +139,7 @@ fn of_old_release(mut table: Table) -> Option<ReadRecord> {
     let text = |table: &Table, key: &str| table.get(key).and_then(Value::as_str).map(str::to_owned);
     let mut inputs: BTreeMap<String, String> =
         table.remove("inputs").and_then(|inputs| inputs.try_into().ok()).unwrap_or_default();
-    let has_outcome = table.contains_key("result");
+    let outcome = table.get("result").and_then(Value::as_table).cloned();
     let settings_blake3 = text(&table, "settings_blake3");
     let settings = |table: &mut Table| match table.remove("settings") {
         Some(Value::Table(settings)) => settings,
@@ -147,5 +160,12 @@ fn of_old_release(mut table: Table) -> Option<ReadRecord> {
     } else {
         return None;
     };
-    Some(ReadRecord { command: command.to_owned(), settings_blake3, inputs, has_outcome, settings })
+    Some(ReadRecord {
+        command: command.to_owned(),
+        settings_blake3,
+        inputs,
+        outcome,
+        is_as_written: None,
+        settings,
+    })
 }

@@ -313,7 +313,7 @@ fn records_of_every_release_are_read() {
     new.inputs.insert("a.png".into(), "1f".into());
     let found = read(&new.to_toml().unwrap()).unwrap();
     assert_eq!((found.command.as_str(), found.inputs["a.png"].as_str()), ("reconstruct", "1f"));
-    assert!(found.has_outcome && found.settings["cell_m"].as_float() == Some(2.0));
+    assert!(found.outcome.is_some() && found.settings["cell_m"].as_float() == Some(2.0));
     for (old, command, input) in [
         ("evaluated = \"d\"\nsettings_blake3 = \"s\"\ndataset_blake3 = \"1\"\n[settings]\n", "evaluate", "d"),
         ("seed = 1\ncampaign_blake3 = \"1\"\nplan_blake3 = \"2\"\n[inputs]\n", "generate", "plan.csv"),

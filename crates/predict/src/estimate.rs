@@ -1,6 +1,6 @@
 //! What a pair will take, before anything is loaded.
 
-use crate::{Error, Passes, PredictOptions};
+use crate::{Density, Error, Passes, PredictOptions};
 use selenograph_engine::MemoryFootprint;
 use selenograph_network::NetworkConfig;
 use selenograph_network::cost::{Directions, Flops};
@@ -9,6 +9,8 @@ use selenograph_reconstruct::evidence::FocalKnowledge;
 
 /// What the engine reaches of the rate of large products: attention and small layers are slower.
 const EFFICIENCY: f64 = 0.8;
+/// Jumps to the nearest and back until a start stays, on average.
+const JUMPS: f64 = 2.0;
 /// Bytes of a picture's pixel: its grey level, and its point with a confidence, twice while they are gathered.
 const PICTURE_PIXEL_BYTES: usize = 4 + 2 * 16;
 /// Bytes of a channel of a descriptor that is packed for matching: exact, and for a first look.
@@ -23,10 +25,28 @@ pub struct Estimate {
     pub inputs: [[usize; 2]; 2],
     /// Floating-point operations.
     pub flops: Flops,
+    /// Floating-point operations of the matching: products of descriptors.
+    pub matching_flops: f64,
     /// Memory of the engine.
     pub footprint: MemoryFootprint,
     /// Bytes of pictures, of points on their grids, and of matching.
     pub beside: usize,
+}
+
+/// Of the nearest descriptors that are looked for: from the starts on a grid, and from every pixel where matches are dense.
+fn matching_flops(
+    config: &NetworkConfig,
+    [[width_a, height_a], [width_b, height_b]]: [[usize; 2]; 2],
+    options: &PredictOptions,
+) -> f64 {
+    let (a, b) = ((width_a * height_a) as f64, (width_b * height_b) as f64);
+    let starts = a / (options.subsample_px.max(1) as f64).powi(2);
+    let published = 2.0 * JUMPS * starts;
+    // Forth from every pixel of A, and back from those of B that are somebody's nearest: all, at most.
+    let dense = if options.density == Density::Dense { a + b } else { 0.0 };
+    let ways = if options.passes == Passes::Symmetric { 2.0 } else { 1.0 };
+    let length = config.descriptor_dim.unwrap_or(0) as f64;
+    2.0 * length * 0.5 * (a + b) * (ways * published + dense)
 }
 
 impl Estimate {
@@ -55,6 +75,7 @@ impl Estimate {
         Ok(Self {
             inputs,
             flops: Flops::of_pair(config, inputs, directions),
+            matching_flops: matching_flops(config, inputs, options),
             footprint: MemoryFootprint::of_pair(config, inputs, directions, num_threads)?,
             beside: PICTURE_PIXEL_BYTES * area(pictures) + num_matched * matched * area(inputs),
         })
@@ -67,7 +88,7 @@ impl Estimate {
 
     /// Seconds, on a machine that does so many floating-point operations per second in large products; loading comes once on top.
     pub fn seconds(&self, product_rate: f64) -> f64 {
-        self.flops.total() / (EFFICIENCY * product_rate)
+        (self.flops.total() + self.matching_flops) / (EFFICIENCY * product_rate)
     }
 }
 
@@ -91,6 +112,14 @@ mod tests {
         assert!(symmetric.flops == guessed.flops && symmetric.bytes() > guessed.bytes());
         assert!(symmetric.bytes() > one.bytes() && symmetric.seconds(1e11) > one.seconds(1e11));
         assert!(of(256, Passes::Forward, FocalKnowledge::Known).bytes() < one.bytes());
+        // Matching every pixel is most of what a small network takes.
+        let small = Preset::Tiny.config();
+        let matched = |density| {
+            let options = PredictOptions { density, ..PredictOptions::default() };
+            Estimate::new(&small, [[512; 2]; 2], &options, FocalKnowledge::Known, 2).unwrap()
+        };
+        let (published, dense) = (matched(Density::Published), matched(Density::Dense));
+        assert!(published.matching_flops > 0.0 && dense.seconds(1e11) > 2.0 * published.seconds(1e11));
         // What is larger than the input is made smaller; the picture itself is still held.
         let large = of(4096, Passes::Forward, FocalKnowledge::Known);
         assert!(large.flops == one.flops && large.bytes() > one.bytes());

@@ -54,6 +54,18 @@ pub enum Error {
         /// Frames that were whole.
         num_whole: usize,
     },
+    /// Cells of an elevation model with which the ground makes no map.
+    #[error(
+        "cell: expected a side between {least:.3} and {most:.3}, as the size of the ground allows, found {found}"
+    )]
+    Cell {
+        /// What was asked for, in the grid's unit.
+        found: f64,
+        /// More cells than a map may have below it.
+        least: f64,
+        /// The shorter side of the ground.
+        most: f64,
+    },
     /// Rasters that belong together differ in size.
     #[error("{what}: expected {expected}, found {found}")]
     SizeMismatch {
@@ -125,6 +137,9 @@ impl Error {
             Self::CameraSize { .. } => Some(
                 "give the camera of this picture: a crop moves the principal point, and cannot be guessed",
             ),
+            Self::Cell { .. } => {
+                Some("leave the side of a cell out: it then follows from the pixels on the ground")
+            }
             Self::CannotSay(why) => Some(why.hint()),
             Self::Stereo(why) => Some(why.hint()),
             Self::Raster(e) => e.hint(),

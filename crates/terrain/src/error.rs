@@ -102,7 +102,7 @@ impl Error {
             Self::Raster(error) => error.hint(),
             Self::Files(error) => error.hint(),
             Self::NotATerrain { .. } => {
-                Some("make one with `selenograph dem import` or `selenograph dem synth`")
+                Some("`selenograph dem import FILE --out DIR` makes one of elevation models")
             }
             Self::Version { .. } | Self::Corrupt { .. } => Some("import the elevation models again"),
             Self::AllAbsent { .. } => Some("check the no-data value and the band"),

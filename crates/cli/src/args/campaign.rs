@@ -1,8 +1,36 @@
 //! Commands that work on campaigns: `plan`, `generate`, `presets`, `config show`, `demo`.
 
 use super::Target;
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Args, Subcommand};
+use std::ffi::OsStr;
 use std::path::PathBuf;
+
+/// The campaigns that come with the program.
+pub const CAMPAIGNS: &[&str] =
+    &["paper-iccv2025", "paper-iccv2025-scripts", "polar-real", "descent", "training", "hard-cases"];
+
+/// A word of which the known ones are offered by completions and in the help; one that is none is refused where it is looked up, with
+/// a message of its own.
+#[derive(Debug, Clone, Copy)]
+pub struct Known(pub &'static [&'static str]);
+
+impl TypedValueParser for Known {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(self.0.iter().map(|name| PossibleValue::new(*name))))
+    }
+}
 
 /// Which campaign, layer over layer: preset, file, environment, flags.
 #[derive(Debug, Args)]
@@ -12,7 +40,7 @@ pub struct CampaignChoice {
     #[arg(value_name = "CAMPAIGN")]
     pub campaign: Option<PathBuf>,
     /// Campaign that comes with the program
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = Known(CAMPAIGNS))]
     pub preset: Option<String>,
     /// One key, for example nadir.pairs=20; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
@@ -26,7 +54,7 @@ pub struct CampaignChoice {
 #[derive(Debug, Args)]
 pub struct Presets {
     /// Print this one
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = Known(CAMPAIGNS))]
     pub name: Option<String>,
 }
 
@@ -95,4 +123,14 @@ pub struct Demo {
     /// Where to write.
     #[command(flatten)]
     pub target: Target,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_presets_are_offered() {
+        assert_eq!(selenograph_dataset::plan::PRESETS.map(|(name, _)| name), CAMPAIGNS);
+    }
 }

@@ -128,6 +128,9 @@ pub struct Export {
     /// Where the triplets' K counts pixels from: the first pixel's centre (the paper's loader) or the corner (the public samples)
     #[arg(long, value_name = "WHERE", default_value = "center")]
     pub k_convention: KConvention,
+    /// Do not compare the files with the checksums in their pairs' records
+    #[arg(long)]
+    pub no_verify: bool,
     /// Where to write.
     #[command(flatten)]
     pub target: Target,

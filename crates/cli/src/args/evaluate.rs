@@ -33,6 +33,9 @@ pub struct Evaluate {
     /// The paper's figures of every pair: methods side by side, clouds, profiles
     #[arg(long)]
     pub figures: bool,
+    /// Do not compare the files with the checksums in their pairs' records
+    #[arg(long)]
+    pub no_verify: bool,
     /// Its network.
     #[command(flatten)]
     pub network: NetworkChoice,

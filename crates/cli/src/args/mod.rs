@@ -49,8 +49,21 @@ pub struct Global {
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     pub verbose: bool,
     /// Worker threads [default: one per core]
-    #[arg(long, global = true, value_name = "N", env = "SELENOGRAPH_THREADS", hide_env_values = true)]
+    #[arg(long, global = true, value_name = "N", env = "SELENOGRAPH_THREADS", hide_env_values = true, value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
+}
+
+/// Threads that a core may have: more only wait for each other.
+const THREADS_PER_CORE: usize = 16;
+
+/// A number of threads that this machine can carry.
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let most = THREADS_PER_CORE * std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let wanted = text.parse::<NonZeroUsize>().map_err(|_| "a whole number of at least 1".to_owned())?;
+    if wanted.get() > most {
+        return Err(format!("at most {most} on this machine ({THREADS_PER_CORE} for each core)"));
+    }
+    Ok(wanted)
 }
 
 /// Where a command writes.

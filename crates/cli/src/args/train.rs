@@ -1,7 +1,11 @@
 //! `selenograph train …`.
 
+use super::campaign::Known;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
+
+/// The settings that come with the program.
+const PRESETS: &[&str] = &["paper-iccv2025", "from-scratch"];
 
 /// What to do about learning.
 #[derive(Debug, Subcommand)]
@@ -49,7 +53,7 @@ pub struct Run {
 #[command(next_help_heading = "Settings")]
 pub struct SettingsChoice {
     /// Settings that come with the program: paper-iccv2025 fine-tunes the published network, from-scratch begins anew
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = Known(PRESETS))]
     pub preset: Option<String>,
     /// Settings file (TOML)
     #[arg(long, value_name = "FILE")]
@@ -111,6 +115,9 @@ pub struct Pairs {
     /// Learn although pairs to learn from see held-out ground
     #[arg(long)]
     pub allow_leak: bool,
+    /// Do not compare the files of pairs with the checksums in their records
+    #[arg(long)]
+    pub no_verify: bool,
     /// Leave faulty pairs out instead of stopping
     #[arg(long)]
     pub skip_faulty: bool,
@@ -140,7 +147,7 @@ pub struct Resume {
 #[derive(Debug, Args)]
 pub struct Presets {
     /// Print this one
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = Known(PRESETS))]
     pub name: Option<String>,
 }
 
@@ -155,6 +162,12 @@ fn seconds(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(feature = "train")]
+    #[test]
+    fn all_presets_are_offered() {
+        assert_eq!(selenograph_train::run::preset::PRESETS.map(|(name, _)| name), PRESETS);
+    }
 
     #[test]
     fn times_have_units() {

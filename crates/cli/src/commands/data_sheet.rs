@@ -28,6 +28,13 @@ struct Settings<'a> {
     skipped: &'a [String],
 }
 
+/// What was made.
+#[derive(Serialize)]
+struct Summary<'a> {
+    num_pages: usize,
+    skipped: &'a [String],
+}
+
 /// Writes the pages into a folder.
 ///
 /// # Errors
@@ -59,6 +66,9 @@ pub fn run(args: &Sheet, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     write_record(draft.path(), SHEETS.command, &[], &settings, NO_OUTCOME)?;
     draft.commit()?;
+    if ui.json {
+        ui.data_json(&Summary { num_pages, skipped: &skipped })?;
+    }
     ui.note(&format!("{num_pages} page(s): {}", args.target.out.display()));
     Ok(if skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(skipped) })
 }

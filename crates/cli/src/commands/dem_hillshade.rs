@@ -8,6 +8,18 @@ use selenograph_files::FileKind;
 use selenograph_raster::codec::png;
 use selenograph_raster::dem::DemReader;
 use selenograph_raster::{Raster, gradient, resample};
+use serde::Serialize;
+
+/// What was made.
+#[derive(Serialize)]
+struct Summary {
+    width: usize,
+    height: usize,
+    /// Ground lengths of a pixel across and down, metres.
+    cell_m: [f64; 2],
+    /// Samples of the file along each side of a pixel.
+    reduced_by: usize,
+}
 
 /// Shades and writes a PNG.
 ///
@@ -37,6 +49,10 @@ pub fn run(args: &Hillshade, ui: &Ui) -> anyhow::Result<Outcome> {
     // NaN becomes 0: absent ground is black.
     let picture = shade.map(|cosine| (255.0 * cosine.clamp(0.0, 1.0)).round() as u8);
     selenograph_files::write(target.path(), png::encode_grey8(&picture)?)?;
+    if ui.json {
+        let (width, height) = (picture.width, picture.height);
+        ui.data_json(&Summary { width, height, cell_m, reduced_by: factor })?;
+    }
     ui.note(&format!(
         "{} × {} pixels, {:.1} m each: {}",
         picture.width,

@@ -9,10 +9,20 @@ use selenograph_geometry::Body;
 use selenograph_raster::dem::{GeoTiffWriter, WriteOptions};
 use selenograph_terrain::Grid;
 use selenograph_terrain::synth::{self, BaseSurface, SynthSettings};
+use serde::Serialize;
 use std::path::Path;
 
 /// Rows made and written at a time: one row of the file's tiles.
 const BAND_ROWS: usize = 256;
+
+/// What was made.
+#[derive(Serialize)]
+struct Summary {
+    width: usize,
+    height: usize,
+    cell_m: f64,
+    seed: u64,
+}
 
 /// Makes the relief and writes it.
 ///
@@ -49,6 +59,10 @@ pub fn run(args: &Synth, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     writer.finish()?;
     bar.finish_and_clear();
+    if ui.json {
+        let (width, height) = (grid.cols, grid.rows);
+        ui.data_json(&Summary { width, height, cell_m: args.cell_m, seed: args.seed })?;
+    }
     let side_km = args.size as f64 * args.cell_m / 1000.0;
     ui.note(&format!(
         "{side_km} km round the south pole, {} m cells: {}",

@@ -122,6 +122,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
         pairs: Vec::new(),
         limit: None,
         k_convention: None,
+        no_verify: false,
         figures: false,
         network: NetworkChoice::default(),
         target: target("evaluation"),
@@ -145,7 +146,7 @@ fn begin(held: &HeldFolder, args: &Demo) -> anyhow::Result<()> {
     held.begin()?;
     if is_occupied(held.path()) {
         let found = record::read(&held.path().join(RUN_NAME))?;
-        if found.has_outcome {
+        if found.outcome.is_some() {
             return Err(Error::Exists { path: held.path().to_owned() }.into());
         }
         let seed = found.settings.get("seed").and_then(toml::Value::as_integer);

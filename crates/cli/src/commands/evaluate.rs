@@ -216,6 +216,7 @@ fn choice(args: &Evaluate) -> anyhow::Result<Choice> {
             Some(CrossLight::Only) => LightChoice::Cross,
             Some(CrossLight::Beside) => LightChoice::Both,
         },
+        no_verify: args.no_verify,
     })
 }
 

@@ -93,7 +93,16 @@ pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
 impl Work<'_> {
     /// Every frame of a stream, one in memory at a time.
     fn stream(&mut self, source: impl Read, origin: &Path) -> anyhow::Result<()> {
-        let mut stream = FrameStream::open(source, origin)?;
+        let mut stream = FrameStream::open(source, origin).map_err(|error| match &error {
+            Error::Format { .. } => refuse(
+                error.to_string(),
+                format!(
+                    "`ffmpeg -i {} -vf format=gray -f yuv4mpegpipe - | selenograph frames - …` hands the frames of a video over",
+                    origin.display()
+                ),
+            ),
+            _ => error.into(),
+        })?;
         let (bar, pairing) = (self.bar.clone(), self.pairing);
         let mut next = || {
             stream.next_wanted(|frame_idx| {

@@ -7,11 +7,12 @@ use crate::exit::Outcome;
 use crate::settings::Layers;
 use crate::target::{SAME_COMMAND, say_complete_is_kept};
 use crate::ui::Ui;
-use selenograph_dataset::generate::{Options, Progress, Report, Shard, generate, take};
+use selenograph_dataset::generate::{Options, Progress, Report, Shard, generate, planned, take};
 use selenograph_dataset::plan::{Campaign, Plan};
 use selenograph_files::{Existing, HeldFolder};
 use selenograph_render::Tracer;
 use selenograph_terrain::{Terrain, store};
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -30,13 +31,21 @@ pub fn run(args: &Generate, ui: &Ui) -> anyhow::Result<Outcome> {
     ui.detail(&format!("campaign:\n{}", campaign.to_toml()?));
     let terrain = ui.timed("open terrain", || Terrain::open(&args.terrain))?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
+    let inputs = inputs(&args.terrain)?;
     let plan = match &args.plan {
         Some(path) => Plan::read(path)?,
+        None if existing == Existing::Resume => match planned(&args.target.out, &campaign, &inputs)? {
+            Some(plan) => {
+                ui.note("the plan is there: it is read, not made anew");
+                plan
+            }
+            None => make_plan(&campaign, &tracer, ui)?,
+        },
         None => make_plan(&campaign, &tracer, ui)?,
     };
     check_carries(&plan)?;
     let Some(folder) = folder else { return dry_run(&campaign, &plan, ui) };
-    let options = Options { shard, started: Some(now_utc()), inputs: inputs(&args.terrain)? };
+    let options = Options { shard, started: Some(now_utc()), inputs };
     let report = render_all(&campaign, &plan, &tracer, &folder, &options, ui)?;
     if ui.json {
         ui.data_json(&report)?;
@@ -103,6 +112,15 @@ pub fn inputs(terrain: &Path) -> anyhow::Result<BTreeMap<String, String>> {
         .collect())
 }
 
+/// What a run would be.
+#[derive(Serialize)]
+struct DryRun {
+    num_pairs: usize,
+    num_lights: usize,
+    num_skipped: usize,
+    num_camera_rays: u64,
+}
+
 fn dry_run(campaign: &Campaign, plan: &Plan, ui: &Ui) -> anyhow::Result<Outcome> {
     let placed = plan.rows.iter().filter_map(|row| row.placed.as_ref());
     let rays: u64 = placed
@@ -113,6 +131,15 @@ fn dry_run(campaign: &Campaign, plan: &Plan, ui: &Ui) -> anyhow::Result<Outcome>
         })
         .sum();
     let num_skipped = plan.skipped().count();
+    if ui.json {
+        ui.data_json(&DryRun {
+            num_pairs: plan.rows.len() - num_skipped,
+            num_lights: campaign.lights.len(),
+            num_skipped,
+            num_camera_rays: rays,
+        })?;
+        return Ok(Outcome::Done);
+    }
     ui.data(&format!(
         "{} pairs under {} lights, {num_skipped} left out, {:.1} million camera rays; nothing was written",
         plan.rows.len() - num_skipped,

@@ -56,6 +56,14 @@ fn zero_rays() {
 }
 
 #[test]
+fn more_than_a_plan_can_hold() {
+    refused(|text| text.replacen("pairs = 1", "pairs = 1000000000000", 1), "nadir.pairs", "config show");
+    let place = with_terrain();
+    #[cfg(unix)]
+    place.run("plan /dev/zero --terrain terrain --out plan.csv").refused("/dev/zero", "");
+}
+
+#[test]
 fn absurd_cameras() {
     refused(|text| text.replace("width_px = 48", "width_px = 0"), "image of at least 1×1", "camera");
     refused(|text| text.replace("[camera]", "[camera]\nfov_deg = 180.0"), "field of view", "180 degrees");
@@ -126,6 +134,9 @@ fn cameras_below_ground_or_off_the_terrain() {
 fn what_is_no_terrain() {
     let place = with_terrain();
     std::fs::create_dir(place.path("folder")).unwrap();
+    place
+        .run("generate tiny.toml --terrain tiny.toml --out dataset")
+        .refused("tiny.toml", "`selenograph dem import FILE");
     for terrain in ["folder", "nowhere", "tiny.toml"] {
         let answer = place.run(&format!("generate tiny.toml --terrain {terrain} --out dataset"));
         assert_eq!(answer.code, 1, "{}", answer.stderr);
@@ -168,6 +179,9 @@ fn folders_without_pairs() {
         assert_eq!(answer.code, 1, "{command}: {}", answer.stderr);
         assert!(answer.stderr.starts_with("error: "), "{command}: {}", answer.stderr);
     }
+    let file = place.write("some.csv", "1,2");
+    place.run("data check some.csv").refused("some.csv", "a folder is expected");
+    std::fs::remove_file(file).unwrap();
     place.run("data check nowhere").refused("nowhere", "check the path");
     assert_eq!(place.names(), ["empty"]);
 }

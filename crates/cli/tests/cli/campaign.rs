@@ -43,6 +43,8 @@ fn pairs_are_made_resumed_checked_shown_split_and_exported() {
         "{}",
         dry.stdout
     );
+    let dry = place.run("generate tiny.toml --terrain terrain --out dataset --dry-run --json").ok().json();
+    assert_eq!((&dry["num_pairs"], &dry["num_lights"]), (&3.into(), &2.into()));
     let report = place.run("generate tiny.toml --terrain terrain --out dataset --json").ok().json();
     assert_eq!((&report["num_done"], &report["num_resumed"]), (&3.into(), &0.into()));
     let pair = place.path("dataset/pairs/000/000001");
@@ -53,13 +55,18 @@ fn pairs_are_made_resumed_checked_shown_split_and_exported() {
     // The same command goes on: here one pair was lost.
     let before = std::fs::read(pair.join("a.l0.png")).unwrap();
     std::fs::remove_dir_all(&pair).unwrap();
-    let report = place.run("generate tiny.toml --terrain terrain --out dataset --json").ok().json();
+    let check = place.run("data check dataset");
+    assert!(check.code == 1 && check.stdout.contains("the plan has this pair"), "{}", check.stdout);
+    let again = place.run("generate tiny.toml --terrain terrain --out dataset --json").ok();
+    assert!(again.stderr.contains("the plan is there"), "{}", again.stderr);
+    let report = again.json();
     assert_eq!((&report["num_done"], &report["num_resumed"]), (&1.into(), &2.into()));
     assert_eq!(before, std::fs::read(pair.join("a.l0.png")).unwrap(), "a pair is a function of its number");
 
     let check = place.run("data check dataset --json").ok().json();
     assert_eq!(check["num_pairs"], 3);
-    place.run("data sheet dataset --out sheets --thumbnail-px 48").ok();
+    let sheets = place.run("data sheet dataset --out sheets --thumbnail-px 48 --json").ok().json();
+    assert_eq!(sheets["num_pages"], 1);
     assert_eq!(names(&place.path("sheets")), ["run.toml", "sheet_000.png"]);
     place.run("data split dataset --out split.json --val-share 0.34").ok();
     let split: serde_json::Value =
@@ -69,6 +76,13 @@ fn pairs_are_made_resumed_checked_shown_split_and_exported() {
     let summary = place.run("data export dataset --split split.json --out triplets --json").ok().json();
     assert_eq!((&summary["num_pairs"], &summary["num_images"]), (&3.into(), &12.into()));
     place.run("data check triplets --k-convention center").ok();
+    // Pictures that were swapped are found by whatever reads them, unless it is told not to look.
+    std::fs::copy(pair.join("b.l0.png"), pair.join("a.l0.png")).unwrap();
+    place.run("data export dataset --out swapped").refused("checksum", "");
+    place.run("data export dataset --out swapped --no-verify").ok();
+    let scored = place.run("evaluate dataset --method plane --out scores");
+    assert!(scored.code == 3 && scored.stderr.contains("checksum"), "{}", scored.stderr);
+    place.run("evaluate dataset --method plane --no-verify --out unseen").ok();
 }
 
 #[test]

@@ -39,14 +39,16 @@ fn absent_samples_are_counted() {
 #[test]
 fn a_synthetic_moon_is_a_geotiff_that_can_be_read_shaded_and_imported() {
     let place = Place::new();
-    place.run("dem synth --size 96 --cell-m 40 --seed 3 --out moon.tif").ok();
+    let made = place.run("dem synth --size 96 --cell-m 40 --seed 3 --out moon.tif --json").ok().json();
+    assert_eq!((&made["width"], &made["cell_m"]), (&96.into(), &40.0.into()));
     let report = &place.run("dem info moon.tif --json").ok().json()[0];
     assert_eq!(report["width"], 96);
     assert!(report["slope_deg"]["median"].as_f64().unwrap() > 0.5);
     let first = std::fs::read(place.path("moon.tif")).unwrap();
     place.run("dem synth --size 96 --cell-m 40 --seed 3 --threads 1 --out moon.tif --force").ok();
     assert_eq!(first, std::fs::read(place.path("moon.tif")).unwrap(), "a seed is a Moon");
-    place.run("dem hillshade moon.tif --out moon.png --max-side 40").ok();
+    let shaded = place.run("dem hillshade moon.tif --out moon.png --max-side 40 --json").ok().json();
+    assert_eq!((&shaded["width"], &shaded["reduced_by"]), (&32.into(), &3.into()));
     assert!(std::fs::read(place.path("moon.png")).unwrap().starts_with(b"\x89PNG"));
     place.run("dem import moon.tif --out terrain").ok();
     let terrain = place.run("dem info terrain --verify --json").ok().json();

@@ -67,6 +67,7 @@ fn usage_errors_are_one_line_with_a_hint() {
     place.run("dem inof x.tif").refused("unrecognized subcommand 'inof'", "'info'");
     place.run("dem info").refused("required arguments were not provided", "usage: selenograph dem info");
     place.run("dem info x.tif --jsn").refused("unexpected argument '--jsn'", "--json");
+    place.run("--threads 5000000 dem info x.tif").refused("for each core", "--help");
     place.run("--threads 0 dem info x.tif").refused("invalid value '0' for '--threads <N>'", "--help");
 }
 
@@ -75,7 +76,9 @@ fn completions_name_every_first_word() {
     let place = Place::new();
     for shell in ["bash", "zsh", "fish"] {
         let script = place.run(&format!("completions {shell}")).ok();
-        assert!(script.stdout.contains("hillshade"), "{shell}");
+        for word in ["hillshade", "polar-real", "from-scratch"] {
+            assert!(script.stdout.contains(word), "{shell}: {word}");
+        }
     }
 }
 

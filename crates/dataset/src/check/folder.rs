@@ -1,12 +1,14 @@
 //! The files of one pair: are they there, whole, and the same under each light?
 
-use super::geometry::{self, GeometryCheck};
+use super::dataset::Dataset;
+use super::geometry::{self, GeometryCheck, Ground};
 use super::numbers::PairNumbers;
 use super::principal_point::Evidence;
+use super::record::{self, Told};
 use super::report::{Code, Finding, Severity};
 use crate::Error;
 use crate::pair::{PAIR_NAME, ViewName, image_name};
-use crate::stored::triplets::{read_geometry, read_picture};
+use crate::stored::triplets::{read_geometry, read_picture, trajectory_of};
 use crate::stored::{Layout, OpenPair, RawView, StoredPair, Triplet, TripletPair};
 use selenograph_geometry::{Body, PixelConvention};
 use std::path::Path;
@@ -57,7 +59,7 @@ fn broken(place: &Path, error: &Error) -> Finding {
 }
 
 /// Checks one pair.
-pub fn check_pair(stored: &StoredPair, options: &CheckOptions) -> PairCheck {
+pub fn check_pair(stored: &StoredPair, dataset: Option<&Dataset>, options: &CheckOptions) -> PairCheck {
     let open = match stored.open() {
         Ok(open) => open,
         Err(error) => {
@@ -66,13 +68,18 @@ pub fn check_pair(stored: &StoredPair, options: &CheckOptions) -> PairCheck {
         }
     };
     match &stored.layout {
-        Layout::Own => check_own(stored, &open, options),
+        Layout::Own => check_own(stored, &open, dataset, options),
         Layout::Triplets(pair) => check_triplets(stored, pair, options),
     }
 }
 
 /// Checks one pair of our own layout.
-fn check_own(stored: &StoredPair, open: &OpenPair<'_>, options: &CheckOptions) -> PairCheck {
+fn check_own(
+    stored: &StoredPair,
+    open: &OpenPair<'_>,
+    dataset: Option<&Dataset>,
+    options: &CheckOptions,
+) -> PairCheck {
     let mut check = PairCheck::default();
     let name = format!("{:06}", stored.pair_id);
     check_sums(open, &mut check);
@@ -99,7 +106,14 @@ fn check_own(stored: &StoredPair, open: &OpenPair<'_>, options: &CheckOptions) -
         }
     }
     if let ([a, b], Some(record)) = (views.as_slice(), &open.record) {
-        check.add_geometry(geometry::check_pair(&name, [a, b], &record.body, options.step));
+        let ground =
+            Ground { body: &record.body, site: Some(record.site.place()), trajectory: record.trajectory };
+        check.add_geometry(geometry::check_pair(&name, [a, b], &ground, options.step));
+        let cameras = ViewName::BOTH.map(|view| open.camera_record(view).ok().flatten());
+        if let [Some(camera_a), Some(camera_b)] = cameras {
+            let (cameras, depths) = ([camera_a, camera_b], [&a.depth_z, &b.depth_z]);
+            check.findings.extend(record::check(&Told { stored, open, record, cameras, depths, dataset }));
+        }
     }
     check
 }
@@ -141,7 +155,9 @@ fn check_triplets(stored: &StoredPair, pair: &TripletPair, options: &CheckOption
     }
     let name = format!("{}/{}", stored.place.name(), first_stem.unwrap_or_default());
     if let [a, b] = views.as_slice() {
-        check.add_geometry(geometry::check_pair(&name, [a, b], &options.body, options.step));
+        let trajectory = trajectory_of(&stored.place.name());
+        let ground = Ground { body: &options.body, site: None, trajectory };
+        check.add_geometry(geometry::check_pair(&name, [a, b], &ground, options.step));
     }
     check
 }

@@ -5,8 +5,10 @@ use super::pose::{self, BestReading, DepthReading, Reading, Stored};
 use super::principal_point::{self, Evidence};
 use super::report::{Code, Finding, Severity};
 use super::reprojection::{DepthView, OUTLIER, symmetric};
+use crate::import::triplets as import;
+use crate::pair::Trajectory;
 use crate::stored::RawView;
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3};
+use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3};
 use selenograph_raster::codec::exr::SampleType;
 use selenograph_raster::{Raster, statistics};
 
@@ -25,6 +27,26 @@ pub struct GeometryCheck {
     pub evidence: Option<Evidence>,
     /// What is wrong.
     pub findings: Vec<Finding>,
+}
+
+/// The body, and what a pair is aimed at.
+#[derive(Debug, Clone, Copy)]
+pub struct Ground<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// The site that the pair's record tells.
+    pub site: Option<Geodetic>,
+    /// How it was flown: where no site is told, it follows from that as in an import.
+    pub trajectory: Option<Trajectory>,
+}
+
+impl Ground<'_> {
+    fn site(&self, views: [&DepthView; 2]) -> Geodetic {
+        let derived = || import::site(self.trajectory, views, self.body);
+        // Optical axes that never meet have no crossing to aim at.
+        let below_a = || Geodetic { height_m: 0.0, ..self.body.place(&views[0].world_from_cam.origin()) };
+        self.site.unwrap_or_else(|| derived().unwrap_or_else(|_| below_a()))
+    }
 }
 
 /// Checks the depth samples of one view. `marks_absent`: the value that the layout uses for absent depth.
@@ -78,7 +100,7 @@ fn is_half(raw: &RawView) -> bool {
 }
 
 /// Checks cameras, poses and depths of a pair against each other.
-pub fn check_pair(name: &str, views: [&RawView; 2], body: &Body, step: usize) -> GeometryCheck {
+pub fn check_pair(name: &str, views: [&RawView; 2], ground: &Ground<'_>, step: usize) -> GeometryCheck {
     let mut check = GeometryCheck::default();
     let mut usable = Vec::new();
     for (raw, letter) in views.iter().zip(["A", "B"]) {
@@ -92,7 +114,7 @@ pub fn check_pair(name: &str, views: [&RawView; 2], body: &Body, step: usize) ->
     if let [(camera_a, pose_a, depth_a), (camera_b, pose_b, depth_b)] = usable.as_slice() {
         let a = Stored { camera: camera_a, pose: pose_a, depth_values: depth_a };
         let b = Stored { camera: camera_b, pose: pose_b, depth_values: depth_b };
-        compare(name, &a, &b, body, step, &mut check);
+        compare(name, &a, &b, ground, step, &mut check);
     }
     check
 }
@@ -116,7 +138,8 @@ fn usable_pose(raw: &RawView, place: &str, findings: &mut Vec<Finding>) -> Optio
     pose::nearest(raw)
 }
 
-fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: &mut GeometryCheck) {
+fn compare(name: &str, a: &Stored, b: &Stored, ground: &Ground<'_>, step: usize, check: &mut GeometryCheck) {
+    let body = ground.body;
     let best = pose::best_reading(a, b, body);
     if let Some(best) = best.filter(BestReading::is_another) {
         check.findings.extend(reading_findings(name, &best));
@@ -127,7 +150,8 @@ fn compare(name: &str, a: &Stored, b: &Stored, body: &Body, step: usize, check: 
     let [(camera_a, pose_a, depth_a), (camera_b, pose_b, depth_b)] = [view(a), view(b)];
     let view_a = DepthView { camera: &camera_a, world_from_cam: &pose_a, depth_z: &depth_a };
     let view_b = DepthView { camera: &camera_b, world_from_cam: &pose_b, depth_z: &depth_b };
-    check.numbers = pair_numbers(name, &view_a, &view_b, body, step);
+    let site = ground.site([&view_a, &view_b]);
+    check.numbers = pair_numbers(name, &view_a, &view_b, (body, &site), step);
     if !check.findings.is_empty() {
         return;
     }

@@ -2,11 +2,13 @@
 //!
 //! Nothing here trusts a name: depths are warped from view to view, and what agrees is what is stored.
 
+mod dataset;
 mod folder;
 mod geometry;
 pub mod numbers;
 mod pose;
 pub mod principal_point;
+mod record;
 mod report;
 pub mod reprojection;
 #[cfg(test)]
@@ -16,12 +18,14 @@ pub use folder::CheckOptions;
 pub use report::{Code, Finding, FolderKind, Report, Severity};
 
 use crate::Error;
-use crate::stored::{self, ReadOptions};
+use crate::stored::{self, ReadOptions, StoredPair};
+use dataset::Dataset;
 use folder::PairCheck;
 use principal_point::{PrincipalPoint, Verdict};
 use rayon::prelude::*;
 use selenograph_geometry::PixelConvention;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 /// Checks a dataset of ours, a folder of triplets, or the folders of one kind below a folder.
 ///
@@ -30,17 +34,45 @@ use std::path::Path;
 /// pairs themselves is in the report.
 pub fn check(folder: &Path, options: &CheckOptions) -> Result<Report, Error> {
     let options = &CheckOptions { step: options.step.max(1), ..options.clone() };
-    let found = stored::find(folder, ReadOptions::with_convention(options.k_convention))?;
+    // Checksums are compared file by file, each told by itself; what differs is still looked at.
+    let reading = ReadOptions { k_convention: options.k_convention, verify: false };
+    let found = stored::find(folder, reading)?;
+    let datasets = datasets(folder, &found)?;
     let num_own = found.iter().filter(|pair| pair.triplets().is_none()).count();
     let expected = "`pairs/…` of a dataset, or `im_NNNNN.jpg/.exr/.npz` here or in folders below";
     let kind = match num_own {
+        _ if found.is_empty() && !datasets.is_empty() => FolderKind::Selenograph,
         _ if found.is_empty() => return Err(Error::unexpected(folder, expected, "neither")),
         0 => FolderKind::Stereolunar,
         all if all == found.len() => FolderKind::Selenograph,
         _ => return Err(Error::unexpected(folder, expected, "both: check one after the other")),
     };
-    let checks = found.par_iter().map(|pair| folder::check_pair(pair, options)).collect();
-    Ok(assemble(folder, kind, checks, options))
+    let checks = found
+        .par_iter()
+        .map(|pair| folder::check_pair(pair, root_of(pair).and_then(|root| datasets.get(root)), options))
+        .collect();
+    let mut report = assemble(folder, kind, checks, options);
+    for (root, dataset) in datasets {
+        let here = found.iter().filter(|pair| root_of(pair) == Some(root.as_path()));
+        report.findings.extend(dataset.check_pairs(&here.map(|pair| pair.pair_id).collect()));
+        report.findings.extend(dataset.findings);
+    }
+    // Stable: within a kind, the order of the pairs stays.
+    report.findings.sort_by_key(|finding| (std::cmp::Reverse(finding.severity), finding.code));
+    Ok(report)
+}
+
+/// The datasets that pairs of ours belong to, by their folders; one without a single pair is one, too.
+fn datasets(folder: &Path, found: &[StoredPair]) -> Result<BTreeMap<PathBuf, Dataset>, Error> {
+    let mut roots: BTreeSet<&Path> = found.iter().filter_map(root_of).collect();
+    roots.extend(Some(folder).filter(|folder| Dataset::is_at(folder)));
+    roots.into_iter().map(|root| Ok((root.to_owned(), Dataset::open(root)?))).collect()
+}
+
+/// The folder of the dataset that a pair of ours lies in: three above its own.
+fn root_of(pair: &StoredPair) -> Option<&Path> {
+    let own = pair.triplets().is_none().then_some(pair.place.root())?;
+    own.ancestors().nth(3)
 }
 
 fn assemble(folder: &Path, kind: FolderKind, checks: Vec<PairCheck>, options: &CheckOptions) -> Report {
@@ -65,8 +97,6 @@ fn assemble(folder: &Path, kind: FolderKind, checks: Vec<PairCheck>, options: &C
         report.findings.extend(principal_point_finding(point, kind, &place, gsd_m, options));
     }
     report.principal_point = principal_point;
-    // Stable: within a kind, the order of the pairs stays.
-    report.findings.sort_by_key(|finding| (std::cmp::Reverse(finding.severity), finding.code));
     report
 }
 

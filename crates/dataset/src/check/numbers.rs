@@ -1,9 +1,9 @@
 //! The numbers of a pair that a reader wants to see: where, how high, how far apart, how well it reprojects.
 
 use super::reprojection::{DepthView, WarpStatistics, symmetric};
-use crate::pair::tilt_rad;
+use crate::pair::{RelativeGeometry, tilt_rad};
 use selenograph_geometry::units::wrap_360_deg;
-use selenograph_geometry::{Body, Camera, pixel};
+use selenograph_geometry::{Body, Camera, Geodetic, pixel};
 use selenograph_raster::statistics;
 use serde::Serialize;
 
@@ -39,8 +39,8 @@ pub struct PairNumbers {
     pub views: [ViewNumbers; 2],
     /// Distance between the cameras, metres.
     pub baseline_m: f64,
-    /// That over the mean of both altitudes above the sphere.
-    pub baseline_over_altitude: f64,
+    /// That over the mean of both altitudes over the site, as in `pair.json`.
+    pub baseline_over_height: f64,
     /// Angle of the rotation between the cameras, degrees.
     pub relative_rotation_deg: f64,
     /// Reprojection both ways with the camera matrices as told; absent where the views share nothing.
@@ -68,25 +68,23 @@ fn view_numbers(view: &DepthView, body: &Body) -> Option<ViewNumbers> {
     })
 }
 
-/// The numbers of a pair; `None` if a view has no depth at all. Every `step`-th pixel is warped.
+/// The numbers of a pair aimed at `site`; `None` if a view has no depth at all. Every `step`-th pixel is warped.
 pub fn pair_numbers(
     name: &str,
     a: &DepthView,
     b: &DepthView,
-    body: &Body,
+    (body, site): (&Body, &Geodetic),
     step: usize,
 ) -> Option<PairNumbers> {
     let views = [view_numbers(a, body)?, view_numbers(b, body)?];
-    let baseline_m = (b.world_from_cam.origin() - a.world_from_cam.origin()).norm();
-    let mean_altitude = 0.5 * (views[0].altitude_above_sphere_m + views[1].altitude_above_sphere_m);
-    let rotation = &b.world_from_cam.inverse() * a.world_from_cam;
+    let relative = RelativeGeometry::new(body, site, a.world_from_cam, b.world_from_cam);
     let [moved_a, moved_b] = [a, b].map(|view| moved(view.camera, pixel::HALF_PIXEL, pixel::HALF_PIXEL));
     Some(PairNumbers {
         name: name.to_owned(),
         views,
-        baseline_m,
-        baseline_over_altitude: baseline_m / mean_altitude,
-        relative_rotation_deg: rotation.rotation_angle_rad().to_degrees(),
+        baseline_m: relative.baseline_vector_m.norm(),
+        baseline_over_height: relative.baseline_over_height,
+        relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
         reprojection: symmetric(a, b, step),
         reprojection_half_pixel: symmetric(
             &DepthView { camera: &moved_a, ..*a },

@@ -27,6 +27,10 @@ pub enum Code {
     BrokenFile,
     /// A file is not the one its pair was written with.
     ChangedFile,
+    /// A pair of the plan is not there, or one is there that it does not have.
+    MissingPair,
+    /// A number in a record is not what it is derived from.
+    Record,
     /// The depth has 11 significant bits.
     HalfFloatDepth,
     /// Depth that is infinite, NaN, zero or negative.
@@ -194,7 +198,7 @@ fn write_table(f: &mut fmt::Formatter<'_>, pairs: &[PairNumbers], half_pixel: bo
             a.gsd_m,
             b.gsd_m,
             pair.baseline_m,
-            pair.baseline_over_altitude,
+            pair.baseline_over_height,
             pair.relative_rotation_deg,
             a.tilt_deg,
             b.tilt_deg

@@ -1,10 +1,14 @@
 //! Views of a wavy sphere whose depth is known exactly, for the tests of the checks.
 
+use super::record::share_in_frame;
 use super::reprojection::DepthView;
+use crate::generate::scene::OVERLAP_STRIDE;
 use crate::pair::{
     self, CameraRecord, OverlapRecord, PairRecord, SunRecord, Trajectory, ViewMeasures, ViewName,
 };
+use crate::plan::SunAngles;
 use nalgebra::{Matrix4, Point2, Point3, Vector3};
+use selenograph_files::record::{RUN_NAME, RunRecord};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3, lookat, pixel};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::exr::{Channel, ExrImage};
@@ -32,6 +36,11 @@ pub struct TestView {
 }
 
 impl TestView {
+    /// What its depth tells.
+    fn measures(&self) -> ViewMeasures {
+        ViewMeasures::of_depth(self.depth_z.data.iter().map(|z| f64::from(*z)), &self.camera)
+    }
+
     pub fn view(&self) -> DepthView<'_> {
         DepthView { camera: &self.camera, world_from_cam: &self.world_from_cam, depth_z: &self.depth_z }
     }
@@ -129,7 +138,7 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
     };
     for (view, name) in views.iter().zip(ViewName::BOTH) {
         let camera =
-            CameraRecord::new(name, &body, &view.camera, &view.world_from_cam, 0.01, ViewMeasures::default());
+            CameraRecord::new(name, &body, &view.camera, &view.world_from_cam, 0.01, view.measures());
         write(pair::camera_name(name), pair::json_text(&camera, &folder).unwrap().into_bytes());
         let (width, height) = (view.camera.width, view.camera.height);
         let truth = ExrImage {
@@ -151,19 +160,18 @@ pub fn write_own_pair(root: &Path, pair_id: u64, views: &[TestView; 2]) -> PathB
     }
     let [a, b] = views;
     let site = Geodetic::from_deg(-87.7, 100.0, 0.0);
-    let sun = SunRecord {
-        azimuth_deg: 10.0,
-        elevation_deg: 15.0,
-        direction: [1.0, 0.0, 0.0],
-        angular_radius_deg: 0.27,
-    };
+    let angles = SunAngles { azimuth_deg: 10.0, elevation_deg: 15.0 };
+    let sun = SunRecord::new(&angles, &body, &site, 0.27);
+    let share = |from: &TestView, to: &TestView| share_in_frame(&from.view(), &to.view(), OVERLAP_STRIDE).0;
+    let (a_in_b, b_in_a) = (share(a, b), share(b, a));
     let record = PairRecord {
         trajectory: Some(Trajectory::Oblique),
         suns: vec![Some(sun); 2],
-        overlap: OverlapRecord { a_in_b: 0.7, b_in_a: 0.6, a_seen_by_b: 0.7, b_seen_by_a: 0.6 },
+        overlap: OverlapRecord { a_in_b, b_in_a, a_seen_by_b: a_in_b, b_seen_by_a: b_in_a },
         files,
         ..PairRecord::new(pair_id, &body, &site, [&a.world_from_cam, &b.world_from_cam])
     };
     std::fs::write(folder.join(pair::PAIR_NAME), pair::json_text(&record, &folder).unwrap()).unwrap();
+    RunRecord::<_, ()>::new("test", &BTreeMap::<String, String>::new()).write(&root.join(RUN_NAME)).unwrap();
     folder
 }

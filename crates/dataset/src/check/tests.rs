@@ -219,3 +219,63 @@ fn our_own_records_have_to_keep_their_convention() {
     write_own_pair(root.path(), 0, &views);
     assert!(has(&checked(&root), Severity::Error, Code::PrincipalPoint));
 }
+
+/// Rewrites a number in a record, and the checksum of the record where `pair.json` holds it.
+fn edit(folder: &Path, name: &str, change: impl Fn(&mut serde_json::Value)) {
+    let read = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(folder.join(name)).unwrap()).unwrap()
+    };
+    let write = |name: &str, value: &serde_json::Value| {
+        let text = serde_json::to_string_pretty(value).unwrap();
+        std::fs::write(folder.join(name), &text).unwrap();
+        blake3::hash(text.as_bytes()).to_hex().to_string()
+    };
+    let mut record = read(name);
+    change(&mut record);
+    let sum = write(name, &record);
+    if name != "pair.json" {
+        let mut pair = read("pair.json");
+        pair["files"][name] = sum.into();
+        write("pair.json", &pair);
+    }
+}
+
+#[test]
+fn every_derived_number_of_a_record_is_derived_again() {
+    let views = oblique_pair(SIDE);
+    let cases: [(&str, &str, f64); 14] = [
+        ("pair.json", "/baseline_m", 2.0),
+        ("pair.json", "/baseline_over_height", 2.0),
+        ("pair.json", "/baseline_vector_m/1", 1.01),
+        ("pair.json", "/cam_b_from_cam_a/0/3", 1.01),
+        ("pair.json", "/altitude_ratio", 1.1),
+        ("pair.json", "/convergence_deg", 1.1),
+        ("pair.json", "/site/latitude_deg", 0.999),
+        ("pair.json", "/suns/1/azimuth_deg", 1.5),
+        ("pair.json", "/suns/0/direction/0", -1.0),
+        ("pair.json", "/overlap/a_in_b", 0.8),
+        ("a.camera.json", "/altitude_above_sphere_m", 1.1),
+        ("b.camera.json", "/tilt_deg", 1.1),
+        ("a.camera.json", "/gsd_m", 1.1),
+        ("b.camera.json", "/valid_share", 0.5),
+    ];
+    for (name, pointer, factor) in cases {
+        let root = tempfile::tempdir().unwrap();
+        let folder = write_own_pair(root.path(), 7, &views);
+        edit(&folder, name, |record| {
+            let number = record.pointer_mut(pointer).unwrap();
+            *number = (number.as_f64().unwrap() * factor).into();
+        });
+        let report = checked(&root);
+        let found = report.findings.iter().find(|f| f.code == Code::Record);
+        assert!(found.is_some_and(|f| f.place.ends_with(name)), "{name} {pointer}: {report}");
+    }
+}
+
+#[test]
+fn the_ratio_of_baseline_and_height_is_one_number() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = write_own_pair(root.path(), 7, &oblique_pair(SIDE));
+    let record: crate::pair::PairRecord = crate::pair::read_json(&folder.join("pair.json")).unwrap();
+    assert!((checked(&root).pairs[0].baseline_over_height - record.baseline_over_height).abs() < 1e-9);
+}

@@ -27,11 +27,13 @@ pub struct ExportOptions {
     pub k_convention: PixelConvention,
     /// Quality of the JPEG pictures.
     pub jpeg_quality: u8,
+    /// Whether every file that is read is compared with its checksum.
+    pub verify: bool,
 }
 
 impl Default for ExportOptions {
     fn default() -> Self {
-        Self { k_convention: PixelConvention::Center, jpeg_quality: jpeg::QUALITY }
+        Self { k_convention: PixelConvention::Center, jpeg_quality: jpeg::QUALITY, verify: true }
     }
 }
 
@@ -111,7 +113,8 @@ pub fn export_dataset(
     options: &ExportOptions,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<ExportSummary, Error> {
-    let pairs = stored::own(dataset, ReadOptions::default())?;
+    let reading = ReadOptions { verify: options.verify, ..ReadOptions::default() };
+    let pairs = stored::own(dataset, reading)?;
     if pairs.is_empty() {
         return Err(Error::Format {
             path: dataset.to_owned(),

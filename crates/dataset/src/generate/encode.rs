@@ -8,13 +8,13 @@ use crate::pair::{
     correspondence_name, image_name, json_text, lit_name, truth_name,
 };
 use crate::plan::ground::clearance_m;
-use crate::plan::rendering::{ToneKind, ToneSection};
+use crate::plan::rendering::ToneSection;
 use crate::plan::{Campaign, PlacedPair, Row};
 use rayon::prelude::*;
 use selenograph_geometry::Camera;
+use selenograph_raster::Raster;
 use selenograph_raster::codec::exr::{self, Attribute, Channel, ExrImage};
 use selenograph_raster::codec::png;
-use selenograph_raster::{Raster, statistics};
 use selenograph_render::{Exposure, LightMaps, Truth};
 use selenograph_terrain::Terrain;
 use std::collections::BTreeMap;
@@ -202,12 +202,9 @@ fn exposures(tone: &ToneSection, scene: &Scene) -> Vec<[Exposure; 2]> {
 
 fn camera_record(campaign: &Campaign, terrain: &Terrain, view: &SceneView) -> CameraRecord {
     let camera: &Camera = &view.view.camera;
-    let depths = view.truth.depth_z.iter().copied().filter(|z| z.is_finite());
-    let num_valid = depths.clone().count();
     let measures = ViewMeasures {
         altitude_over_terrain_m: clearance_m(terrain, &view.view.origin()),
-        gsd_m: statistics::median(depths).map(|depth_z| depth_z / camera.fx),
-        valid_share: num_valid as f64 / view.truth.depth_z.len() as f64,
+        ..ViewMeasures::of_depth(view.truth.depth_z.iter().copied(), camera)
     };
     let pitch = campaign.camera.pixel_pitch_mm;
     CameraRecord::new(view.name, &terrain.body, camera, &view.view.world_from_cam, pitch, measures)
@@ -223,14 +220,11 @@ fn pair_record(
     files: BTreeMap<String, String>,
 ) -> PairRecord {
     let [a, b] = scene.views.each_ref().map(|view| &view.view);
-    let suns = scene.suns.iter().zip(&placed.suns).map(|(sun, angles)| {
-        Some(SunRecord {
-            azimuth_deg: angles.azimuth_deg,
-            elevation_deg: angles.elevation_deg,
-            direction: sun.direction.into_inner().into(),
-            angular_radius_deg: sun.angular_radius_rad.to_degrees(),
-        })
-    });
+    let radius_deg = campaign.render.sun_angular_radius_deg;
+    let suns = placed
+        .suns
+        .iter()
+        .map(|angles| Some(SunRecord::new(angles, &terrain.body, &placed.site, radius_deg)));
     let exposure = |light_idx: usize, v: usize| {
         let view = &scene.views[v];
         let picture = &view.radiance[light_idx];
@@ -240,10 +234,7 @@ fn pair_record(
         ExposureRecord {
             light_idx,
             view: view.name,
-            tone: match campaign.tone.kind {
-                ToneKind::PairGain => "pair-gain".into(),
-                ToneKind::MinMax => "min-max".into(),
-            },
+            tone: campaign.tone.kind.as_str().into(),
             gain,
             offset,
             bits: campaign.tone.bits,

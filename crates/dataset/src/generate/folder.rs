@@ -2,9 +2,11 @@
 
 use crate::Error;
 use crate::pair::pair_folder;
+use crate::plan::{Campaign, Plan};
 use selenograph_files::record::{self, RUN_NAME, RunRecord};
 use selenograph_files::{Existing, FolderDraft, FolderKind, HeldFolder, Sharing, checksum, clear_drafts};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -25,7 +27,7 @@ pub static DATASET: FolderKind = FolderKind {
     parts: &[("pairs", &PAIRS)],
 };
 /// The words after `selenograph`.
-pub(super) const COMMAND: &str = "generate";
+pub(crate) const COMMAND: &str = "generate";
 
 /// What is below `pairs`.
 pub(crate) static PAIRS: FolderKind = FolderKind {
@@ -81,6 +83,16 @@ impl Shard {
         Err(Error::Shard { shard: self.index, num_shards: self.count })
     }
 
+    /// The shard whose record a file is by its name.
+    pub(crate) fn of_run_name(name: &str) -> Option<Self> {
+        if name == RUN_NAME {
+            return Some(Self::default());
+        }
+        let (index, count) = name.strip_prefix("run-")?.strip_suffix(".toml")?.split_once("-of-")?;
+        let shard = Self { index: index.parse().ok()?, count: count.parse().ok()? };
+        shard.check().is_ok().then_some(shard)
+    }
+
     /// `run.toml`, or `run-2-of-8.toml` for one of several.
     pub fn run_name(&self) -> String {
         match self.count {
@@ -94,6 +106,35 @@ impl Shard {
 pub const CAMPAIGN_NAME: &str = "campaign.toml";
 /// The plan in the target.
 pub const PLAN_NAME: &str = "plan.csv";
+
+/// The plan that an earlier run of the same campaign on the same inputs has written here, unchanged since.
+///
+/// # Errors
+/// [`Error::Io`] and [`Error::Format`] for a plan that cannot be read although its checksum is right.
+pub fn planned(
+    target: &Path,
+    campaign: &Campaign,
+    inputs: &BTreeMap<String, String>,
+) -> Result<Option<Plan>, Error> {
+    let (path, campaign_sum) = (target.join(PLAN_NAME), campaign.checksum()?);
+    let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
+    let sum = checksum::of_bytes(text.as_bytes()).to_string();
+    let is_of_it = |run: &record::ReadRecord| {
+        let told = |name: &str| run.inputs.get(name);
+        run.command == COMMAND
+            && told(PLAN_NAME) == Some(&sum)
+            && told(CAMPAIGN_NAME) == Some(&campaign_sum)
+            && inputs.iter().all(|(name, sum)| told(name) == Some(sum))
+            && run.inputs.len() == inputs.len() + 2
+    };
+    let entries = fs::read_dir(target).map_err(Error::io("read", target))?.flatten();
+    let mut names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let is_known = names.any(|name| {
+        Shard::of_run_name(&name).is_some()
+            && record::read(&target.join(name)).is_ok_and(|run| is_of_it(&run))
+    });
+    if is_known { Plan::from_csv(&text, &path).map(Some) } else { Ok(None) }
+}
 
 /// Takes a folder for a dataset, or for one of its shards, before anything is computed.
 ///

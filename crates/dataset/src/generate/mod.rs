@@ -8,7 +8,7 @@ mod encode;
 pub(crate) mod folder;
 pub(crate) mod scene;
 
-pub use folder::{CAMPAIGN_NAME, DATASET, Shard, take};
+pub use folder::{CAMPAIGN_NAME, DATASET, Shard, planned, take};
 
 use crate::Error;
 use crate::plan::{Campaign, PlacedPair, Plan, Row};

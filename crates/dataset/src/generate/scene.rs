@@ -15,7 +15,7 @@ use selenograph_render::{
 use selenograph_terrain::cover::{Coverage, Seen};
 
 /// One pixel of so many along each axis decides the overlap (16 384 of a 512 × 512 picture: ±0.4 % at most).
-const OVERLAP_STRIDE: usize = 4;
+pub(crate) const OVERLAP_STRIDE: usize = 4;
 
 /// A rendered view.
 pub struct SceneView {

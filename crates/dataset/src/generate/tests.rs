@@ -1,4 +1,5 @@
 use super::*;
+use crate::check::{CheckOptions, Code, Severity, check};
 use crate::covisibility::tests::warp_errors_px;
 use crate::pair::{
     CameraRecord, PairRecord, ViewName, camera_name, image_name, pair_folder, read_json, truth_name,
@@ -265,4 +266,82 @@ fn skips_and_dark_suns_are_told() {
     assert!(picture.data.iter().all(|level| *level == 0));
     let record: PairRecord = read_json(&folder.join("pair.json")).unwrap();
     assert_eq!(record.exposures[0].lit_share, 0.0);
+}
+
+/// What a check of a dataset finds, as codes and places.
+fn found(root: &Path) -> Vec<(Code, String)> {
+    let report = check(root, &CheckOptions { step: 1, ..CheckOptions::default() }).unwrap();
+    let errors = report.findings.into_iter().filter(|finding| finding.severity == Severity::Error);
+    errors.map(|finding| (finding.code, finding.place)).collect()
+}
+
+#[test]
+fn what_is_generated_passes_its_check_until_something_is_missing_or_edited() {
+    let target = tempfile::tempdir().unwrap();
+    let root = target.path();
+    let mut campaign = campaign();
+    campaign.identical.pairs = 1;
+    let plan = planned(&campaign);
+    run_all(&campaign, &plan, root, Existing::Refuse).unwrap();
+    assert_eq!(found(root), []);
+    let expect = |code: Code, place: &str| {
+        let found = found(root);
+        assert!(found.iter().any(|(c, p)| *c == code && p.ends_with(place)), "{code:?} {place}: {found:?}");
+    };
+    for name in ["run.toml", "campaign.toml", "plan.csv"] {
+        let path = root.join(name);
+        let right = fs::read(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        expect(Code::MissingFile, name);
+        fs::write(&path, &right[..right.len() / 2]).unwrap();
+        let garbled = found(root);
+        assert!(garbled.iter().any(|(_, place)| place.ends_with(name)), "{name}: {garbled:?}");
+        let text = String::from_utf8(right.clone()).unwrap();
+        fs::write(&path, text.replacen("2025", "2026", 1)).unwrap();
+        let edited = found(root);
+        if text.contains("2025") {
+            assert!(
+                edited.iter().any(|(code, p)| *code == Code::ChangedFile && p.ends_with(name)),
+                "{edited:?}"
+            );
+        }
+        fs::write(&path, &right).unwrap();
+    }
+    assert_eq!(found(root), []);
+    // A Sun elsewhere and a motion off by 50 m, told with right checksums: the plan knows better.
+    let pair = pair_folder(root, 2);
+    let right = fs::read(pair.join("pair.json")).unwrap();
+    let mut record: PairRecord = read_json(&pair.join("pair.json")).unwrap();
+    let site = record.site.place();
+    let sun = record.suns[0].unwrap();
+    let moved = crate::plan::SunAngles { azimuth_deg: sun.azimuth_deg - 20.0, ..sun.angles() };
+    record.suns[0] = Some(crate::pair::SunRecord::new(&moved, &record.body, &site, sun.angular_radius_deg));
+    fs::write(pair.join("pair.json"), crate::pair::json_text(&record, &pair).unwrap()).unwrap();
+    expect(Code::Record, "pair.json");
+    fs::write(pair.join("pair.json"), &right).unwrap();
+    fs::remove_dir_all(pair_folder(root, 1)).unwrap();
+    expect(Code::MissingPair, "000001");
+    fs::remove_dir_all(root.join("pairs")).unwrap();
+    expect(Code::MissingPair, "000004");
+}
+
+#[test]
+fn the_plan_that_is_there_is_read_where_campaign_and_inputs_are_the_same() {
+    let target = tempfile::tempdir().unwrap();
+    let campaign = campaign();
+    let plan = planned(&campaign);
+    let inputs = options().inputs;
+    let there = |campaign: &Campaign, inputs: &BTreeMap<String, String>| {
+        folder::planned(target.path(), campaign, inputs).unwrap()
+    };
+    assert_eq!(there(&campaign, &inputs), None);
+    let shard = Shard { index: 1, count: 4 };
+    run_shard(&campaign, &plan, target.path(), Existing::Resume, shard).unwrap();
+    assert_eq!(there(&campaign, &inputs), Some(plan));
+    assert_eq!(there(&Campaign { seed: 9, ..campaign.clone() }, &inputs), None);
+    assert_eq!(there(&campaign, &BTreeMap::from([("terrain".into(), "abd".into())])), None);
+    let path = target.path().join("plan.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replacen("nadir", "oblique", 1)).unwrap();
+    assert_eq!(there(&campaign, &inputs), None);
 }

@@ -5,7 +5,7 @@
 //! that the triplets do not hold (normals, slopes, shadow masks, exposures).
 
 mod options;
-mod triplets;
+pub(crate) mod triplets;
 
 pub use options::ImportOptions;
 

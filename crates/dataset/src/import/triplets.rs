@@ -4,8 +4,8 @@ use super::options::ImportOptions;
 use crate::Error;
 use crate::check::reprojection::{self, DepthView, warp};
 use crate::pair::{
-    CameraRecord, ImportedSuns, OverlapRecord, PAIR_NAME, PairRecord, SourceRecord, SunRecord, ViewMeasures,
-    ViewName, camera_name, image_name, json_text, truth_name,
+    CameraRecord, ImportedSuns, OverlapRecord, PAIR_NAME, PairRecord, SourceRecord, SunRecord, Trajectory,
+    ViewMeasures, ViewName, camera_name, image_name, json_text, truth_name,
 };
 use crate::photometric::{self, Settings, SiteRule, Skipped};
 use crate::stored::triplets::{read_geometry, read_picture, trajectory_of};
@@ -171,21 +171,6 @@ impl Imported {
         Ok(files)
     }
 
-    /// The place that the pair is told about: by its trajectory's rule, else where A's axis meets A's middle depth; in both
-    /// cases at that ground's height.
-    fn site(&self, rule: Option<SiteRule>, body: &Body) -> Result<Geodetic, Error> {
-        let [a, b] = &self.views;
-        let median_z = statistics::median(a.depths()).unwrap_or(0.0);
-        let ground = body.place(&a.world_from_cam.point(&Point3::new(0.0, 0.0, median_z)));
-        Ok(match rule {
-            Some(rule) => {
-                let place = photometric::site(rule, &[a.world_from_cam, b.world_from_cam], body)?;
-                Geodetic { height_m: ground.height_m, ..place }
-            }
-            None => ground,
-        })
-    }
-
     fn suns(
         &self,
         rule: Option<SiteRule>,
@@ -198,13 +183,7 @@ impl Imported {
                 return None;
             }
             let angles = known.get(usize::try_from(light).ok()?)?;
-            let (azimuth, elevation) = (angles.azimuth_deg.to_radians(), angles.elevation_deg.to_radians());
-            Some(SunRecord {
-                azimuth_deg: angles.azimuth_deg,
-                elevation_deg: angles.elevation_deg,
-                direction: options.body.direction(site, azimuth, elevation).into(),
-                angular_radius_deg: 0.0,
-            })
+            Some(SunRecord::new(angles, &options.body, site, 0.0))
         };
         self.lights.iter().map(|(light, _)| sun(*light)).collect()
     }
@@ -218,7 +197,8 @@ impl Imported {
         let (body, [a, b]) = (&options.body, &self.views);
         let trajectory = trajectory_of(&self.scene);
         let rule = trajectory.and_then(SiteRule::of_trajectory);
-        let site = self.site(rule, body)?;
+        let views = [&a.depth_view(), &b.depth_view()];
+        let site = site(trajectory, views, body)?;
         let suns = self.suns(rule, &site, options);
         Ok(PairRecord {
             trajectory,
@@ -233,42 +213,59 @@ impl Imported {
                 files: self.files.clone(),
             }),
             suns,
-            overlap: self.overlap(),
+            overlap: overlap(views),
             files,
             ..PairRecord::new(pair_id, body, &site, [&a.world_from_cam, &b.world_from_cam])
         })
     }
+}
 
-    /// By warping depth: ground is seen unless the other view has nearer ground there.
-    fn overlap(&self) -> OverlapRecord {
-        let [a, b] = self.views.each_ref().map(|view| DepthView {
-            camera: &view.camera,
-            world_from_cam: &view.world_from_cam,
-            depth_z: &view.depth_z,
-        });
-        let shares = |from: &DepthView, to: &DepthView| {
-            let warped = warp(from, to, OVERLAP_STEP);
-            let along = |side: usize| (OVERLAP_STEP / 2..side).step_by(OVERLAP_STEP).count();
-            let all = (along(from.camera.width) * along(from.camera.height)).max(1) as f64;
-            let seen = warped.relative_errors.iter().filter(|error| **error < reprojection::OUTLIER).count();
-            (warped.num_inside as f64 / all, seen as f64 / all)
-        };
-        let ((a_in_b, a_seen_by_b), (b_in_a, b_seen_by_a)) = (shares(&a, &b), shares(&b, &a));
-        OverlapRecord { a_in_b, b_in_a, a_seen_by_b, b_seen_by_a }
-    }
+/// The place that a pair of triplets is told about: by its trajectory's rule, else where A's axis meets A's median depth; in
+/// both cases at that ground's height.
+///
+/// # Errors
+/// [`Error::Geometry`] for optical axes without a crossing.
+pub(crate) fn site(
+    trajectory: Option<Trajectory>,
+    [a, b]: [&DepthView<'_>; 2],
+    body: &Body,
+) -> Result<Geodetic, Error> {
+    let depths = a.depth_z.data.iter().map(|z| f64::from(*z)).filter(|z| z.is_finite() && *z > 0.0);
+    let median_z = statistics::median(depths).unwrap_or(0.0);
+    let ground = body.place(&a.world_from_cam.point(&Point3::new(0.0, 0.0, median_z)));
+    Ok(match trajectory.and_then(SiteRule::of_trajectory) {
+        Some(rule) => {
+            let place = photometric::site(rule, &[*a.world_from_cam, *b.world_from_cam], body)?;
+            Geodetic { height_m: ground.height_m, ..place }
+        }
+        None => ground,
+    })
+}
+
+/// By warping depth: ground is seen unless the other view has nearer ground there.
+pub(crate) fn overlap([a, b]: [&DepthView<'_>; 2]) -> OverlapRecord {
+    let shares = |from: &DepthView, to: &DepthView| {
+        let warped = warp(from, to, OVERLAP_STEP);
+        let along = |side: usize| (OVERLAP_STEP / 2..side).step_by(OVERLAP_STEP).count();
+        let all = (along(from.camera.width) * along(from.camera.height)).max(1) as f64;
+        let seen = warped.relative_errors.iter().filter(|error| **error < reprojection::OUTLIER).count();
+        (warped.num_inside as f64 / all, seen as f64 / all)
+    };
+    let ((a_in_b, a_seen_by_b), (b_in_a, b_seen_by_a)) = (shares(a, b), shares(b, a));
+    OverlapRecord { a_in_b, b_in_a, a_seen_by_b, b_seen_by_a }
 }
 
 impl ImportedView {
+    fn depth_view(&self) -> DepthView<'_> {
+        DepthView { camera: &self.camera, world_from_cam: &self.world_from_cam, depth_z: &self.depth_z }
+    }
+
     fn depths(&self) -> impl Iterator<Item = f64> + Clone + '_ {
         self.depth_z.data.iter().map(|z| f64::from(*z)).filter(|z| z.is_finite())
     }
 
     fn record(&self, name: ViewName, body: &Body) -> CameraRecord {
-        let measures = ViewMeasures {
-            altitude_over_terrain_m: None,
-            gsd_m: statistics::median(self.depths()).map(|z| self.camera.gsd_m(z)),
-            valid_share: self.depths().count() as f64 / self.depth_z.data.len().max(1) as f64,
-        };
+        let measures = ViewMeasures::of_depth(self.depths(), &self.camera);
         CameraRecord::new(name, body, &self.camera, &self.world_from_cam, PIXEL_PITCH_MM, measures)
     }
 

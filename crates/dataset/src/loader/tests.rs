@@ -226,3 +226,23 @@ fn options_outside_their_range_are_refused() {
     assert!(refused(LoaderOptions { num_matches: 32 * 32 + 1, ..options() }));
     assert!(Mixture::new(vec![], options()).is_err());
 }
+
+#[test]
+fn a_camera_that_was_moved_and_pictures_that_were_swapped_are_refused() {
+    let load = |root: &Path, verify: bool| {
+        let source = if verify { pairs(root) } else { pairs(root).unverified() };
+        let mixture = Mixture::new(vec![source], LoaderOptions { batch_size: 3, ..options() }).unwrap();
+        (0..3).try_for_each(|position| mixture.sample(0, position).map(|_| ()))
+    };
+    let root = dataset();
+    assert!(load(root.path(), true).is_ok());
+    let folder = crate::pair::pair_folder(root.path(), 1);
+    std::fs::copy(folder.join("b.l0.png"), folder.join("a.l1.png")).unwrap();
+    std::fs::copy(folder.join("b.l0.png"), folder.join("a.l0.png")).unwrap();
+    let camera = folder.join("b.camera.json");
+    let text = std::fs::read_to_string(&camera).unwrap();
+    std::fs::write(&camera, text.replacen("\"view\": \"b\"", "\"view\":  \"b\"", 1)).unwrap();
+    let refused = load(root.path(), true);
+    assert!(refused.as_ref().is_err_and(|error| error.to_string().contains("checksum")), "{refused:?}");
+    assert!(load(root.path(), false).is_ok());
+}

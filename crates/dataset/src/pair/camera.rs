@@ -5,6 +5,7 @@ use super::name::ViewName;
 use crate::Error;
 use nalgebra::{Matrix3, Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Distortion, Geodetic, PixelConvention, Rigid3};
+use selenograph_raster::statistics;
 use serde::{Deserialize, Serialize};
 
 /// The sensor of a view.
@@ -119,6 +120,18 @@ pub struct ViewMeasures {
     pub gsd_m: Option<f64>,
     /// See [`CameraRecord::valid_share`].
     pub valid_share: f64,
+}
+
+impl ViewMeasures {
+    /// What the depth of a view's pixels tells: metres, NaN where absent.
+    pub fn of_depth(depths: impl Iterator<Item = f64>, camera: &Camera) -> Self {
+        let valid: Vec<f64> = depths.filter(|depth_z| depth_z.is_finite()).collect();
+        Self {
+            altitude_over_terrain_m: None,
+            valid_share: valid.len() as f64 / (camera.width * camera.height).max(1) as f64,
+            gsd_m: statistics::median(valid).map(|depth_z| camera.gsd_m(depth_z)),
+        }
+    }
 }
 
 impl CameraRecord {

@@ -3,6 +3,7 @@
 use super::camera::PlaceRecord;
 use super::json::RECORD_VERSION;
 use super::name::{Trajectory, ViewName};
+use crate::plan::SunAngles;
 use nalgebra::{Point3, Vector3};
 use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,23 @@ pub struct SunRecord {
     pub direction: [f64; 3],
     /// Angular radius of the disc, degrees (0: a point).
     pub angular_radius_deg: f64,
+}
+
+impl SunRecord {
+    /// The Sun at a place in the sky of a site.
+    pub fn new(angles: &SunAngles, body: &Body, site: &Geodetic, angular_radius_deg: f64) -> Self {
+        Self {
+            azimuth_deg: angles.azimuth_deg,
+            elevation_deg: angles.elevation_deg,
+            direction: angles.direction(body, site).into(),
+            angular_radius_deg,
+        }
+    }
+
+    /// Its place in the sky.
+    pub fn angles(&self) -> SunAngles {
+        SunAngles { azimuth_deg: self.azimuth_deg, elevation_deg: self.elevation_deg }
+    }
 }
 
 /// How radiance became grey levels, one per image: `full_scale × clip(gain × radiance_factor + offset, 0, 1)`, rounded to

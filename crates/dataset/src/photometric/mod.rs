@@ -12,10 +12,11 @@ mod settings;
 pub mod surface;
 
 pub use report::{ImageFit, Report, Skipped};
-pub use settings::{Limits, Settings, SunAngles};
+pub use settings::{Limits, Settings};
 
 use crate::Error;
 use crate::pair::{Trajectory, ViewName};
+pub use crate::plan::SunAngles;
 use crate::stored::triplets::{read_picture, trajectory_of};
 use crate::stored::{self, ReadOptions, StoredPair, Triplet, TripletPair, grey8};
 use fit::Agreement;

@@ -1,6 +1,7 @@
 //! What a photometric check found, for programs (serde) and for people (`Display`).
 
-use super::settings::{Limits, Settings, SunAngles};
+use super::settings::{Limits, Settings};
+use crate::plan::SunAngles;
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -1,18 +1,9 @@
 //! What pictures are believed to have been made with, and how well they must be met.
 
+use crate::plan::SunAngles;
 use selenograph_geometry::{Body, PixelConvention};
 use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
-
-/// Where the Sun stands, seen from the site.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SunAngles {
-    /// Clockwise from north, degrees.
-    pub azimuth_deg: f64,
-    /// Above the horizon, degrees.
-    pub elevation_deg: f64,
-}
 
 /// What the pictures are believed to have been made with, and how well they must be met.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

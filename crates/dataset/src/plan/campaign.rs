@@ -254,18 +254,28 @@ impl LimitSection {
     }
 }
 
+/// Longest side of a picture, pixels: its truth maps are held in memory.
+const MAX_SIDE_PX: f64 = 16_384.0;
+
 impl Campaign {
     /// Checks every value against its range and against the others.
     ///
     /// # Errors
     /// [`Error::Value`], [`Error::Contradiction`] or [`Error::Geometry`], whichever comes first.
     pub fn check(&self) -> Result<(), Error> {
+        for (key, side) in
+            [("camera.width_px", self.camera.width_px), ("camera.height_px", self.camera.height_px)]
+        {
+            check_number(key, side as f64, Interval::new(1.0, MAX_SIDE_PX))?;
+        }
         self.camera.camera()?;
         check_number("camera.pixel_pitch_mm", self.camera.pixel_pitch_mm, Interval::new(1e-6, 1e3))?;
         self.sites.lat_deg.check("sites.lat_deg", Interval::new(-90.0, 90.0))?;
         self.sites.lon_deg.check("sites.lon_deg", Interval::new(-360.0, 720.0))?;
         check_number("sites.grid_lat", self.sites.grid_lat as f64, Interval::new(1.0, 1e5))?;
         check_number("sites.grid_lon", self.sites.grid_lon as f64, Interval::new(1.0, 1e5))?;
+        let num_sites = self.sites.grid_lat as f64 * self.sites.grid_lon as f64;
+        check_number("sites.grid_lat × sites.grid_lon", num_sites, Interval::new(1.0, 1e7))?;
         if let Some(width) = self.sites.footprint_m {
             check_number("sites.footprint_m", width, Interval::new(0.0, 1e6))?;
         }
@@ -280,6 +290,7 @@ impl Campaign {
         self.check_lights()?;
         self.render.check()?;
         self.tone.check()?;
+        self.check_pairs()?;
         if self.num_pairs() == 0 {
             return Err(Error::Value {
                 key: "nadir.pairs, oblique.pairs, …".into(),

@@ -250,14 +250,25 @@ fn dynamic(
     let shift = stream.uniform(-section.target_shift_m, section.target_shift_m);
     let target = aim.target() + aim.horizontal(turn(stream)) * shift;
     let heading = turn(stream);
-    let altitudes = [(); 2].map(|()| jittered(aim.level_m, section.altitude_variation_share, stream));
-    drawn.extend([
-        ("altitude_a_m", altitudes[0]),
-        ("altitude_b_m", altitudes[1]),
-        ("heading_deg", heading.to_degrees()),
-    ]);
+    let variation = section.altitude_variation_share;
+    let mut altitudes = [(); 2].map(|()| jittered(aim.level_m, variation, stream));
     let origins = match section.b_over_h_of {
         OffsetMeaning::BetweenCameras => {
+            let b_over_h = section.b_over_h.draw(stream);
+            drawn.push(("b_over_h", b_over_h));
+            // Drawn anew: where the altitudes differ by all of the baseline, one camera stands above the other.
+            let most = (1.0 + b_over_h / 2.0) / (1.0 - b_over_h / 2.0).max(f64::EPSILON);
+            let low = (aim.level_m * (1.0 - variation)).max(altitudes[0] / most);
+            let high = (aim.level_m * (1.0 + variation)).min(altitudes[0] * most);
+            altitudes[1] = stream.uniform(low, high);
+            let [from, to] = altitudes.map(|altitude| aim.radius_m(altitude));
+            let baseline = b_over_h * (altitudes[0] + altitudes[1]) / 2.0;
+            // The chord between two points at different radii, solved for their central angle.
+            let across = (baseline.powi(2) - (to - from).powi(2)).max(0.0);
+            let half = (across / (4.0 * from * to)).sqrt().min(1.0).asin();
+            [aim.displaced(heading, -half, from), aim.displaced(heading, half, to)]
+        }
+        OffsetMeaning::Horizontal => {
             let b_over_h = section.b_over_h.draw(stream);
             drawn.push(("b_over_h", b_over_h));
             let half = b_over_h * (altitudes[0] + altitudes[1]) / 4.0;
@@ -276,6 +287,11 @@ fn dynamic(
             [one(altitudes[0], "offset_over_h_a"), one(altitudes[1], "offset_over_h_b")]
         }
     };
+    drawn.extend([
+        ("altitude_a_m", altitudes[0]),
+        ("altitude_b_m", altitudes[1]),
+        ("heading_deg", heading.to_degrees()),
+    ]);
     let right = (section.heading != Heading::Free).then(|| match section.heading {
         Heading::WorldY => Vector3::y(),
         _ => aim.horizontal(heading),

@@ -60,7 +60,8 @@ impl Light {
 }
 
 /// A Sun of a planned pair: its place in the sky of the site.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SunAngles {
     /// Clockwise from north, degrees in `[0, 360)`.
     pub azimuth_deg: f64,

@@ -237,6 +237,10 @@ mod tests {
             ("nadir.pairs=0", "nadir.pairs, oblique.pairs, …"),
             ("nadir.pairs=1\nnadir.altitude_levels_m=[nan]", "nadir.altitude_levels_m"),
             ("nadir.pairs=1\ncamera.focal_px=-3.0", "camera.focal_px"),
+            ("nadir.pairs=1000000000000", "nadir.pairs"),
+            ("nadir.pairs=900000\nlow_light.pairs=900000", "low_light.pairs"),
+            ("nadir.pairs=1\ncamera.width_px=1000000000", "camera.width_px"),
+            ("nadir.pairs=1\nsites.grid_lat=90000\nsites.grid_lon=90000", "sites.grid_lat × sites.grid_lon"),
         ] {
             match Campaign::from_toml(text) {
                 Err(Error::Value { key: found, .. }) => assert_eq!(found, key),

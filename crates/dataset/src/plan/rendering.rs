@@ -70,6 +70,16 @@ pub enum ToneKind {
     MinMax,
 }
 
+impl ToneKind {
+    /// The name in files.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::PairGain => "pair-gain",
+            Self::MinMax => "min-max",
+        }
+    }
+}
+
 /// `[tone]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

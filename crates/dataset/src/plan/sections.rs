@@ -197,8 +197,12 @@ impl ObliqueSection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OffsetMeaning {
-    /// The horizontal distance between the two cameras, over their mean altitude.
+    /// The distance between the two cameras in space, over their mean altitude: what `baseline_over_height` in `pair.json` tells.
+    /// The second altitude is drawn within what the baseline leaves.
     BetweenCameras,
+    /// The horizontal distance between the two cameras, over their mean altitude; their altitudes are drawn each by itself, and
+    /// make the baseline longer.
+    Horizontal,
     /// Each camera's own horizontal distance from the site, in its own direction (the reference scripts).
     FromSite,
 }
@@ -213,9 +217,9 @@ pub struct DynamicSection {
     pub altitude_levels_m: Vec<f64>,
     /// Each camera's altitude varies by this share, up and down.
     pub altitude_variation_share: f64,
-    /// Horizontal offset over altitude.
+    /// Baseline or horizontal offset over altitude.
     pub b_over_h: Interval,
-    /// What that offset is.
+    /// Which of them.
     pub b_over_h_of: OffsetMeaning,
     /// The target lies up to this far from the site, in any horizontal direction.
     pub target_shift_m: f64,
@@ -418,7 +422,23 @@ impl IdenticalSection {
     }
 }
 
+/// Most pairs of a campaign: a plan is held in memory, row by row.
+const MAX_PAIRS: u64 = 1_000_000;
+
 impl Campaign {
+    /// Refuses more pairs than a plan may have, by the section that passes the limit.
+    pub(super) fn check_pairs(&self) -> Result<(), Error> {
+        let mut left = MAX_PAIRS;
+        for (trajectory, pairs) in self.pairs_by_trajectory() {
+            left = left.checked_sub(pairs).ok_or_else(|| Error::Value {
+                key: format!("{}.pairs", trajectory.as_str().replace('-', "_")),
+                expected: format!("at most {MAX_PAIRS} pairs in all sections together"),
+                found: pairs.to_string(),
+            })?;
+        }
+        Ok(())
+    }
+
     /// How many pairs each trajectory has; pair numbers run through them in this order.
     pub fn pairs_by_trajectory(&self) -> [(Trajectory, u64); 7] {
         [

@@ -25,7 +25,7 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { k_convention: PixelConvention::Corner, verify: false }
+        Self { k_convention: PixelConvention::Corner, verify: true }
     }
 }
 
@@ -60,6 +60,13 @@ pub struct StoredPair {
 }
 
 impl StoredPair {
+    /// The same pair, its files compared with their checksums as they are read, or not.
+    #[must_use]
+    pub fn verified(mut self, verify: bool) -> Self {
+        self.reading.verify = verify;
+        self
+    }
+
     /// The triplets that it is, if it is no pair of ours.
     pub fn triplets(&self) -> Option<&TripletPair> {
         match &self.layout {
@@ -133,8 +140,14 @@ impl OpenPair<'_> {
 
     /// The files of which one is not there, though a picture or a camera should be in it.
     pub(crate) fn missing(&self) -> Option<PathBuf> {
+        let files = self.named_files();
+        files.iter().find(|file| !self.place().has(file)).map(|file| self.place().path(file))
+    }
+
+    /// The files that hold its pictures and cameras.
+    pub(crate) fn named_files(&self) -> Vec<String> {
         let lights = self.lights();
-        let files: Vec<String> = match &self.pair.layout {
+        match &self.pair.layout {
             Layout::Own => {
                 let images = |view| lights.iter().map(move |light| image_name(view, *light as usize));
                 ViewName::BOTH.into_iter().flat_map(|view| images(view).chain([camera_name(view)])).collect()
@@ -144,8 +157,15 @@ impl OpenPair<'_> {
                 let pictures = lights.iter().filter_map(|light| pair.pictures(*light));
                 geometry.chain(pictures).flatten().map(str::to_owned).collect()
             }
-        };
-        files.iter().find(|file| !self.place().has(file)).map(|file| self.place().path(file))
+        }
+    }
+
+    /// The mask of a view's lit pixels under a light, if it is there; triplets have none.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Raster`] for a mask that is broken.
+    pub(crate) fn lit(&self, view: ViewName, light: u64) -> Result<Option<Raster<u8>>, Error> {
+        Ok(own::read_lit(&self.files(), view, &[light])?.pop())
     }
 
     /// The camera's own record of a view; triplets have none.

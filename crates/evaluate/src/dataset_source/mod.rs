@@ -43,6 +43,8 @@ pub struct Choice {
     pub limit: Option<usize>,
     /// Which lights.
     pub lights: LightChoice,
+    /// Whether files are taken as they are, without comparing them with their checksums.
+    pub no_verify: bool,
 }
 
 /// The pairs of a folder.
@@ -69,7 +71,7 @@ impl Source {
     pub fn open(root: &Path, choice: &Choice) -> Result<Self, Error> {
         let k_convention = choice.k_convention.unwrap_or(PixelConvention::Corner);
         let (mut entries, mut broken, mut hash) = (Vec::new(), Vec::new(), blake3::Hasher::new());
-        for pair in stored::find(root, ReadOptions::with_convention(k_convention))? {
+        for pair in stored::find(root, ReadOptions { k_convention, verify: !choice.no_verify })? {
             match entry(&pair, &mut hash) {
                 Ok(entry) => entries.push(entry),
                 Err(error) => broken.push((pair.name, error.to_string())),

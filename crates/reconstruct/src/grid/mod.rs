@@ -36,7 +36,7 @@ pub struct GridOptions {
     pub cell: Option<f64>,
     /// What is done with completed points.
     pub completed: Completed,
-    /// Largest number of cells; a grid that would have more gets larger cells.
+    /// Largest number of cells; where no cell is asked for, a grid that would have more gets larger ones.
     pub max_cells: usize,
 }
 
@@ -87,7 +87,8 @@ impl Dem {
 /// `σ² = n / Σ wᵢ + Σ wᵢ (hᵢ − h)² / Σ wᵢ` (their typical variance, and how far they disagree).
 ///
 /// # Errors
-/// [`Error::TooFewPoints`] for a prediction without a surface; [`Error::Value`] for a cell that is not positive.
+/// [`Error::TooFewPoints`] for a prediction without a surface; [`Error::Value`] for a cell that is not positive,
+/// [`Error::Cell`] for one that is larger than the ground, or of which the ground would hold too many.
 pub fn grid<'a>(
     prediction: &'a Prediction,
     placement: &Placement,
@@ -168,6 +169,9 @@ const OUTSIDE: f64 = 0.002;
 /// What is added again at each side, as a share of the extent between those quantiles.
 const MARGIN: f64 = 0.1;
 
+/// Factor on the least side of a cell, so that a row and a column at the edges still fit.
+const ROOM: f64 = 1.01;
+
 /// The grid that holds the points, its corner on a multiple of the cell.
 fn lay_out(lifted: &Lifted, cell: f64, options: &GridOptions) -> Result<(Layout, Affine, f64), Error> {
     let mut ranges = [[0.0; 2]; 2];
@@ -191,8 +195,14 @@ fn lay_out(lifted: &Lifted, cell: f64, options: &GridOptions) -> Result<(Layout,
     let mut cell = cell;
     let cells_of = |cell: f64| ranges.map(|[low, high]| ((high - low) / cell).ceil() + 1.0);
     let [across, down] = cells_of(cell);
-    if across * down > options.max_cells as f64 {
-        cell *= (across * down / options.max_cells as f64).sqrt() * 1.01;
+    let [length, width] = ranges.map(|[low, high]| high - low);
+    let is_too_many = across * down > options.max_cells as f64;
+    if let Some(found) = options.cell.filter(|cell| is_too_many || *cell > length.min(width)) {
+        let least = (length * width / options.max_cells as f64).sqrt() * ROOM;
+        return Err(Error::Cell { found, least, most: length.min(width) });
+    }
+    if is_too_many {
+        cell *= (across * down / options.max_cells as f64).sqrt() * ROOM;
     }
     let [[x0, x1], [y0, y1]] = ranges;
     let left = ((lifted.origin[0] + x0) / cell).floor();

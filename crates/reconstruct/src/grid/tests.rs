@@ -273,9 +273,18 @@ fn empty_predictions_and_absurd_cells_are_errors() {
         let options = GridOptions { cell: Some(cell), ..GridOptions::default() };
         assert!(matches!(grid(&prediction, &placement, &options), Err(Error::Value { .. })));
     }
-    let options = GridOptions { cell: Some(1e-4), max_cells: 10_000, ..GridOptions::default() };
-    let (dem, _) = grid(&prediction, &placement, &options).unwrap();
+    // What nobody asked for is chosen; what was asked for is made or refused.
+    let chosen = GridOptions { max_cells: 10_000, ..GridOptions::default() };
+    let (dem, _) = grid(&prediction, &placement, &chosen).unwrap();
     assert!(dem.heights.data.len() <= 10_000 && dem.cell > 1.0);
+    let asked =
+        |cell: f64| grid(&prediction, &placement, &GridOptions { cell: Some(cell), ..chosen.clone() });
+    let Err(Error::Cell { least, most, .. }) = asked(1e-4) else { panic!("too many cells") };
+    assert!(matches!(asked(1e9), Err(Error::Cell { .. })));
+    for cell in [least, 0.9 * most] {
+        let (dem, _) = asked(cell).unwrap();
+        assert!(dem.cell == cell && dem.heights.data.iter().any(|height| height.is_finite()));
+    }
 }
 
 #[test]

@@ -47,7 +47,11 @@ pub fn run(args: &Export, ui: &Ui) -> anyhow::Result<Outcome> {
 fn triplets(args: &Export, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = args.target.folder(&TRIPLETS)?;
     let split: Option<Split> = args.split.as_deref().map(read_json).transpose()?;
-    let options = ExportOptions { k_convention: convention(args.k_convention), ..ExportOptions::default() };
+    let options = ExportOptions {
+        k_convention: convention(args.k_convention),
+        verify: !args.no_verify,
+        ..ExportOptions::default()
+    };
     let bar = ui.bar(0, "pairs");
     let summary = export_dataset(&args.dataset, draft.path(), split.as_ref(), &options, |done, total| {
         bar.set_length(total as u64);

@@ -29,8 +29,8 @@ pub struct Task {
 struct Forecast {
     inputs_px: [[usize; 2]; 2],
     num_pairs: usize,
-    /// Of a pair: encoder, decoders, heads.
-    gflop: [f64; 3],
+    /// Of a pair: encoder, decoders, heads, matching.
+    gflop: [f64; 4],
     /// Of this machine, measured now.
     gflop_per_s: f64,
     /// Of all pairs, without loading.
@@ -60,7 +60,13 @@ pub fn tell(
     let forecast = Forecast {
         inputs_px: expected.inputs,
         num_pairs: task.num_pairs,
-        gflop: [expected.flops.encoder, expected.flops.decoders, expected.flops.heads].map(|flop| flop / 1e9),
+        gflop: [
+            expected.flops.encoder,
+            expected.flops.decoders,
+            expected.flops.heads,
+            expected.matching_flops,
+        ]
+        .map(|flop| flop / 1e9),
         gflop_per_s: rate / 1e9,
         seconds: task.num_pairs as f64 * expected.seconds(rate),
         bytes: expected.bytes(),

@@ -55,7 +55,8 @@ impl Examination {
         };
         let share = wanted.div_ceil(parts.len());
         let open = |(path, pairs): (&Path, Vec<String>)| -> anyhow::Result<Source> {
-            let choice = Choice { pairs, limit: Some(share), lights, ..Choice::default() };
+            let no_verify = request.no_verify;
+            let choice = Choice { pairs, limit: Some(share), lights, no_verify, ..Choice::default() };
             let mut source = Source::open(path, &choice)?;
             // One item a pair, in turn of another light.
             for (n, entry) in source.entries.iter_mut().enumerate() {

@@ -38,6 +38,8 @@ pub struct Request {
     pub terrain: Option<PathBuf>,
     pub val: Vec<PathBuf>,
     pub allow_leak: bool,
+    #[serde(default)]
+    pub no_verify: bool,
     pub budget_s: Option<f64>,
     pub device: String,
     /// Files that decide what is learnt, with their BLAKE3.
@@ -68,6 +70,7 @@ impl Request {
             terrain: args.pairs.terrain.as_ref().map(absolute).transpose()?,
             val: all(&args.pairs.val)?,
             allow_leak: args.pairs.allow_leak,
+            no_verify: args.pairs.no_verify,
             budget_s: args.means.budget_s,
             device: args.means.device.clone(),
             inputs: BTreeMap::new(),

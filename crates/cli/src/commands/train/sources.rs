@@ -46,6 +46,11 @@ pub fn mixtures(
     if let (Some(campaign), Some(terrain)) = (&request.campaign, &request.terrain) {
         learn.push(flight(campaign, terrain, &val)?);
     }
+    if request.no_verify {
+        for sources in [&mut learn, &mut val] {
+            *sources = std::mem::take(sources).into_iter().map(Source::unverified).collect();
+        }
+    }
     if request.teacher.is_none() && !learn.iter().any(Source::has_truth) {
         return Err(refuse(
             format!("`{}` holds no depth: there is nothing to learn from", names(&learn)),
