@@ -104,7 +104,7 @@ impl<'a> Measuring<'a> {
         m.cloud_10k = self.thinned_cloud_error(&points);
         m.cloud = self.cloud_error(points);
         self.surface(m);
-        m.depth = self.depth_error();
+        m.depth_z = self.depth_error();
         self.calibration(m, curves);
     }
 

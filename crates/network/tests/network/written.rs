@@ -107,7 +107,7 @@ fn conversion_keeps_values_and_halves_on_request() {
         assert!(expected.iter().zip(&found).all(|(e, f)| (e - f).abs() <= e.abs() / 256.0), "{name}");
     }
     let failing = source.convert(Path::new("no/such/folder/x"), &ConvertOptions::default(), &mut |_| {});
-    assert!(matches!(failing, Err(Error::Io { .. })));
+    assert!(matches!(failing, Err(Error::Files(_))), "{failing:?}");
 }
 
 #[test]
