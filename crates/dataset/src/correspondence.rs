@@ -9,8 +9,7 @@ use crate::covisibility::Sight;
 use crate::plan::coverage::in_frame;
 use crate::rng::Stream;
 use crate::view_truth::ViewTruth;
-use nalgebra::{Matrix3, Point2, Vector3};
-use selenograph_geometry::{Cam, Camera, Rigid3, pixel};
+use selenograph_geometry::{Cam, Camera, Matrix3, Point2, Rigid3, Vector3, pixel};
 use serde::{Deserialize, Serialize};
 
 /// Ground that lies this many pixels' ground beyond what the other view sees there is hidden from it: more than the steps of

@@ -6,8 +6,8 @@
 
 use crate::pair::OverlapRecord;
 use crate::plan::coverage::in_frame;
-use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
+use selenograph_geometry::{Point2, Point3};
 use selenograph_render::{Hit, Tracer, Truth, Viewpoint};
 
 /// A ray that stops this far before the point is taken to have reached it, metres: far above the rounding of positions at

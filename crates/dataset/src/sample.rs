@@ -4,8 +4,7 @@ pub use crate::view_truth::ViewTruth;
 
 use crate::correspondence::Matches;
 use crate::pair::ViewName;
-use nalgebra::Point2;
-use selenograph_geometry::{Cam, Camera, Rigid3, pixel};
+use selenograph_geometry::{Cam, Camera, Point2, Rigid3, pixel};
 use selenograph_raster::Raster;
 
 /// One view of a training pair.
@@ -107,7 +106,7 @@ mod tests {
         let into_a = pair.view(ViewName::A).truth.world_from_cam.inverse();
         for (own, in_a) in own.iter().zip(&in_a) {
             let expected = into_a.point(&world.point(&own.map(f64::from).into()));
-            let error = (expected.coords - nalgebra::Vector3::from(in_a.map(f64::from))).norm();
+            let error = (expected.coords - selenograph_geometry::Vector3::from(in_a.map(f64::from))).norm();
             // Single precision at 30 km.
             assert!(error < 0.01, "{error}");
         }

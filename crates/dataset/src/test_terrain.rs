@@ -1,7 +1,6 @@
 //! Terrains that the tests of this crate fly over.
 
-use nalgebra::Vector2;
-use selenograph_geometry::{Body, Projection, proj_string::Crs};
+use selenograph_geometry::{Body, Projection, Vector2, proj_string::Crs};
 use selenograph_raster::Affine;
 use selenograph_terrain::{Grid, Layer, Terrain};
 use std::sync::OnceLock;

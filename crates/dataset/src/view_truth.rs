@@ -1,7 +1,6 @@
 //! What is true of a view that is learned from.
 
-use nalgebra::Point2;
-use selenograph_geometry::{BodyFixed, Cam, Camera, Rigid3, pixel};
+use selenograph_geometry::{BodyFixed, Cam, Camera, Point2, Rigid3, pixel};
 use selenograph_raster::Raster;
 
 /// Neighbouring pixels whose depths differ by more than this many pixels' ground are not of one surface.

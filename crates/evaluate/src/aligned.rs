@@ -3,7 +3,7 @@
 use crate::alignment::{Alignment, Carry};
 use crate::truth::TruthPair;
 use crate::{Error, slope};
-use nalgebra::Point3;
+use selenograph_geometry::Point3;
 use selenograph_raster::Raster;
 use selenograph_reconstruct::{Fill, PredictedView, Prediction};
 

@@ -1,9 +1,8 @@
 //! The similarity that leads from a prediction's unit into metres: one per pair, fitted to the truth.
 
-use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 use selenograph_dataset::rng;
-use selenograph_geometry::{CamA, PredA, Sim3};
+use selenograph_geometry::{CamA, Matrix3, Point3, PredA, Sim3};
 use selenograph_pose::similarity;
 use selenograph_pose::solvers::umeyama::{Scaling, umeyama};
 

@@ -22,8 +22,8 @@ pub use error::Error;
 pub use frames::{BodyFixed, Cam, CamA, CamB, Enu, Frame, PredA};
 // The one door to the linear algebra that everything is computed in: other crates take its types from here.
 pub use nalgebra::{
-    DMatrix, Matrix2, Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, RowVector4, SMatrix, SVector,
-    SymmetricEigen, Unit, UnitQuaternion, UnitVector3, Vector2, Vector3,
+    DMatrix, Matrix2, Matrix3, Matrix4, Point2, Point3, Quaternion, Rotation3, RowVector3, RowVector4,
+    SMatrix, SVector, SymmetricEigen, Unit, UnitQuaternion, UnitVector3, Vector2, Vector3,
 };
 pub use pixel::PixelConvention;
 pub use projection::{Pole, Projection};

@@ -6,9 +6,8 @@ use crate::degenerate::above_chance;
 use crate::random::Random;
 use crate::ransac::{Estimator, Local, Score, Search, Tally, search};
 use crate::solvers::p3p::{CameraPose, p3p};
-use nalgebra::{Rotation3, SMatrix, Vector3};
 pub use reprojection::{linearised, refine};
-use selenograph_geometry::{Cam, Frame, Point2, Point3, Rigid3};
+use selenograph_geometry::{Cam, Frame, Point2, Point3, Rigid3, Rotation3, SMatrix, Vector3};
 
 /// A point and where it is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 //! Which of the motions has the points in front of both cameras.
 
 use crate::decompose::Motion;
-use nalgebra::Vector3;
+use selenograph_geometry::Vector3;
 
 /// True where the point nearest to both rays lies in front of both cameras.
 ///

@@ -8,7 +8,7 @@ use crate::sampson;
 use crate::solvers::essential_5pt;
 use crate::solvers::homography_4pt::{homography_4pt, homography_linear, transfer_squared};
 use crate::solvers::rotation::rotation;
-use nalgebra::{Matrix3, Vector3};
+use selenograph_geometry::{Matrix3, Vector3};
 
 /// Matches scored between two looks at whether a model can still win.
 const BLOCK: usize = 128;

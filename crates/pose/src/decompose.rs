@@ -1,6 +1,6 @@
 //! Motions from an essential matrix and from a homography.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use selenograph_geometry::{Matrix3, SymmetricEigen, Vector3};
 
 /// A rotation and a direction: `x_b ∝ R x_a + t / depth`, with `t` of length 1 (or of length baseline over plane distance).
 #[derive(Debug, Clone, Copy, PartialEq)]

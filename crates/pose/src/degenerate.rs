@@ -4,7 +4,7 @@ use crate::decompose::Motion;
 use crate::points::Pairs;
 use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
-use nalgebra::Matrix3;
+use selenograph_geometry::Matrix3;
 
 /// A result counts as chance above this expected number of equally good ones among random matches.
 const FALSE_ALARMS: f64 = 1e-3;

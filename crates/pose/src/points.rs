@@ -1,6 +1,6 @@
 //! Matches laid out for loops: one array per coordinate, padded to whole vectors.
 
-use nalgebra::Vector3;
+use selenograph_geometry::Vector3;
 
 /// Matches that one pass of the vector loops takes together.
 pub const LANES: usize = 8;

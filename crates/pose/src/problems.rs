@@ -4,8 +4,9 @@ use crate::absolute::Sighting;
 use crate::decompose::Motion;
 use crate::random::Random;
 use crate::relative::Match;
-use nalgebra::{Matrix3, Point2, Rotation3, Vector3};
-use selenograph_geometry::{Cam, CamA, CamB, Enu, Point3, PredA, Rigid3, Sim3};
+use selenograph_geometry::{
+    Cam, CamA, CamB, Enu, Matrix3, Point2, Point3, PredA, Rigid3, Rotation3, Sim3, Vector3,
+};
 
 /// The kinds of two-view scenes.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,8 +7,8 @@
 use crate::decompose::{Motion, nearest_rotation};
 use crate::points::{LANES, Pairs};
 use crate::sampson::{Block, Tangent, essential_derivatives, linearise, tangent_axes};
-use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use selenograph_geometry::robust::MAD_TO_SIGMA;
+use selenograph_geometry::{Matrix3, Rotation3, SMatrix, Vector3};
 
 /// What a residual costs.
 #[derive(Debug, Clone, Copy, PartialEq)]

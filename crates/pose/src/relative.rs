@@ -24,8 +24,7 @@ use crate::random::Random;
 use crate::ransac::{Found, Local, Search, search};
 use crate::refine::uncertainty;
 use crate::solvers::homography_4pt::transfer_squared;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
-use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3};
+use selenograph_geometry::{CamA, CamB, Matrix3, Point2, Point3, Rigid3, Rotation3, UnitQuaternion};
 use support::Support;
 
 /// One match, on the plane `z = 1` of each camera.
@@ -50,7 +49,7 @@ pub struct RelativePose {
     pub residual_rms: f64,
     /// Covariance of rotation (three components of a rotation vector applied in B, radians) and of the translation's direction
     /// (two components in its tangent plane, radians; its axes: [`crate::sampson::tangent_axes`]).
-    pub covariance: nalgebra::SMatrix<f64, 5, 5>,
+    pub covariance: selenograph_geometry::SMatrix<f64, 5, 5>,
     /// Share of the inliers that one homography explains as well: near 1, the scene is nearly a plane.
     pub plane_share: f64,
     /// Another motion, more than 5° away, that the matches allow as well within noise: a plane without relief has two. Looked for with

@@ -8,7 +8,7 @@
 
 use crate::decompose::Motion;
 use crate::points::{LANES, Pairs};
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use selenograph_geometry::{Matrix3, SMatrix, Vector3};
 
 /// Signed Sampson distance on the plane `z = 1`.
 pub fn distance(e: &Matrix3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {

@@ -1,7 +1,7 @@
 //! Points from two views.
 
 use crate::decompose::Motion;
-use nalgebra::{Matrix3, Point3, Vector3};
+use selenograph_geometry::{Matrix3, Point3, Vector3};
 
 /// A triangulated point.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,7 @@
 //! The same answers as PoseLib and OpenCV; `testdata/make_goldens.py` asked them.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use nalgebra::{Matrix3, Vector3};
-use selenograph_geometry::{Enu, Point2, Point3, PredA, Sim3};
+use selenograph_geometry::{Enu, Matrix3, Point2, Point3, PredA, Sim3, Vector3};
 use selenograph_pose::absolute::{self, AbsoluteOptions, Sighting};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::problems::angle_of;

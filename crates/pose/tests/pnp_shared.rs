@@ -5,9 +5,8 @@
     reason = "a test fails by panicking, and says what it read"
 )]
 
-use nalgebra::{Matrix3, Vector3};
 use safetensors::SafeTensors;
-use selenograph_geometry::{Enu, Point2, Point3};
+use selenograph_geometry::{Enu, Matrix3, Point2, Point3, Vector3};
 use selenograph_pose::absolute::{AbsoluteOptions, Sighting, estimate};
 
 /// What the goldens' README asks for, radians and units of the world: half a pixel of noise on 215 points.

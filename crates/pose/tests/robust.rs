@@ -1,9 +1,8 @@
 //! Robust estimates of cameras and similarities, covariances by repetition, and frames that do not matter.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use selenograph_geometry::{Enu, Point2, Point3, PredA};
+use selenograph_geometry::{Enu, Point2, Point3, PredA, Rotation3, Vector3};
 use selenograph_pose::absolute::{self, AbsoluteOptions, CannotLocate};
 use selenograph_pose::problems::{Clouds, Resection, Scene, SceneKind, angle_of};
 use selenograph_pose::relative::{Match, RelativeOptions, estimate};
@@ -14,7 +13,7 @@ const FOCAL: f64 = 618.0;
 /// Predicted and seen spread may differ by this factor: 200 repetitions leave 5 %, linearisation and the choice of inliers the rest.
 const SPREAD_FACTOR: f64 = 1.25;
 
-fn rotation_vector(of: &nalgebra::Matrix3<f64>) -> Vector3<f64> {
+fn rotation_vector(of: &selenograph_geometry::Matrix3<f64>) -> Vector3<f64> {
     Rotation3::from_matrix_unchecked(*of).scaled_axis()
 }
 

@@ -1,8 +1,7 @@
 //! Every solver on the generator's problems.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
-use selenograph_geometry::{Enu, Point3, PredA, Rigid3, Sim3};
+use selenograph_geometry::{Enu, Matrix3, Point3, PredA, Rigid3, Rotation3, Sim3, Vector3};
 use selenograph_pose::cheirality::{in_front, most_in_front};
 use selenograph_pose::decompose::{Motion, motions_of_essential, motions_of_homography};
 use selenograph_pose::points::{LANES, Pairs};
@@ -18,7 +17,7 @@ use selenograph_pose::triangulate::{corrected, midpoint, optimal};
 use selenograph_pose::{problems, refine};
 
 fn rays(scene: &Scene) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
-    let ray = |p: nalgebra::Point2<f64>| Vector3::new(p.x, p.y, 1.0);
+    let ray = |p: selenograph_geometry::Point2<f64>| Vector3::new(p.x, p.y, 1.0);
     scene.matches.iter().map(|m| (ray(m.a), ray(m.b))).unzip()
 }
 

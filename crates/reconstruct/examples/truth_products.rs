@@ -5,9 +5,8 @@
 #![allow(clippy::disallowed_methods, reason = "a measuring program reads the clock")]
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
-use nalgebra::{Matrix3, Point3};
 use selenograph_geometry::{
-    Body, BodyFixed, Cam, CamA, CamB, Camera, PixelConvention, Point2, Rigid3, pixel,
+    Body, BodyFixed, Cam, CamA, CamB, Camera, Matrix3, PixelConvention, Point2, Point3, Rigid3, pixel,
 };
 use selenograph_raster::Raster;
 use selenograph_raster::codec::{exr, jpeg, npz};

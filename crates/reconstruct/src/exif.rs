@@ -200,7 +200,7 @@ mod tests {
             assert_eq!(exif.turned(), None);
         }
         let square = Exif { size: None, ..read_bytes(&tags).unwrap() }.focal(1000, 1000).unwrap();
-        assert!((square.focal_px[0] - 36.0 * 1414.213_562 / 43.266_615).abs() < 1e-3);
+        assert!((square.focal_px[0] - 36.0 * 1_414.213_562 / 43.266_615).abs() < 1e-3);
     }
 
     #[test]

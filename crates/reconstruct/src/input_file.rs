@@ -18,7 +18,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
 /// [`Error::Format`] for bytes that no text has.
 pub(crate) fn text_of(path: &Path, bytes: &[u8]) -> Result<String, Error> {
     let is_control = |byte: &u8| *byte < b' ' && !matches!(byte, b'\t' | b'\n' | b'\r' | 0x0c);
-    if let Some(at) = bytes.iter().position(|byte| is_control(byte)) {
+    if let Some(at) = bytes.iter().position(is_control) {
         return Err(Error::Format {
             path: path.to_owned(),
             expected: "text (UTF-8)".to_owned(),

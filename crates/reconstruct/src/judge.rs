@@ -1,8 +1,7 @@
 //! What a known motion says of matches.
 
 use crate::relative_pose::JudgedMatch;
-use nalgebra::{Matrix3, Vector3};
-use selenograph_geometry::{CamA, CamB, Camera, Point2, Rigid3, mean_focal_px};
+use selenograph_geometry::{CamA, CamB, Camera, Matrix3, Point2, Rigid3, Vector3, mean_focal_px};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::{cheirality, sampson};
 

@@ -278,7 +278,8 @@ impl Estimated {
         let (essential, focal_px) = (motion.essential(), mean_focal_px(cameras));
         let matches = (0..found.len())
             .map(|i| {
-                let [a, b] = [&matches[i].a, &matches[i].b].map(|p| nalgebra::Vector3::new(p.x, p.y, 1.0));
+                let [a, b] =
+                    [&matches[i].a, &matches[i].b].map(|p| selenograph_geometry::Vector3::new(p.x, p.y, 1.0));
                 JudgedMatch {
                     a: found[i].a,
                     b: found[i].b,

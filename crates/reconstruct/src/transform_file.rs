@@ -1,8 +1,7 @@
 //! Poses and alignments as files that later commands accept: `selenograph.pose` and `selenograph.transform`, JSON.
 
 use crate::Error;
-use nalgebra::{DMatrix, Matrix3, Point3};
-use selenograph_geometry::{BodyFixed, CamA, CamB, PredA, Rigid3, Sim3};
+use selenograph_geometry::{BodyFixed, CamA, CamB, DMatrix, Matrix3, Point3, PredA, Rigid3, Sim3};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::Path;
 
@@ -281,7 +280,10 @@ mod tests {
 
     fn motion(length: f64) -> Rigid3<CamB, CamA> {
         let rotation = Rotation3::from_euler_angles(0.1, -0.4, 2.0);
-        Rigid3::new(rotation, Point3::from(nalgebra::Vector3::new(3.0, -1.0, 0.5).normalize() * length))
+        Rigid3::new(
+            rotation,
+            Point3::from(selenograph_geometry::Vector3::new(3.0, -1.0, 0.5).normalize() * length),
+        )
     }
 
     fn file(text: &str) -> (tempfile::TempDir, PathBuf) {

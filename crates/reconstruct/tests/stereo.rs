@@ -29,7 +29,7 @@ fn paint(x: f64, y: f64) -> f64 {
 }
 
 /// Where a ray from A's frame meets the ground.
-fn ground(eye: &Point3<f64>, ray: &nalgebra::Vector3<f64>) -> Point3<f64> {
+fn ground(eye: &Point3<f64>, ray: &selenograph_geometry::Vector3<f64>) -> Point3<f64> {
     let mut k = (10.0 - eye.z) / ray.z;
     for _ in 0..40 {
         let p = eye + ray * k;

@@ -19,7 +19,8 @@ const TOLERANCE: f64 = 1e-5;
 fn written(place: &Place, folder: &str) -> Prediction {
     let arrays = npz::read(&place.path(folder).join("pointmaps.npz")).unwrap();
     let pose = arrays["cam_b_from_cam_a"].to_f64().unwrap();
-    let rotation = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_fn(|i, j| pose[4 * i + j]));
+    let rotation =
+        Rotation3::from_matrix_unchecked(selenograph_geometry::Matrix3::from_fn(|i, j| pose[4 * i + j]));
     let origin = Point3::new(pose[3], pose[7], pose[11]);
     Prediction {
         cam_b_from_cam_a: Ok(Rigid3::new(rotation, origin)),

@@ -6,8 +6,7 @@ use super::warp;
 use crate::correspondence::{MatchPool, Sighted};
 use crate::rng::Stream;
 use crate::sample::ViewTruth;
-use nalgebra::{Matrix3, Point3, Rotation3, Vector2, Vector3};
-use selenograph_geometry::{Camera, Rigid3};
+use selenograph_geometry::{Camera, Matrix3, Point3, Rigid3, Rotation3, Vector2, Vector3};
 use selenograph_raster::resample::pillow::{self, Filter};
 use serde::{Deserialize, Serialize};
 
@@ -170,7 +169,7 @@ impl Turn {
 /// The rotation that takes the optical axis to the direction `(p, 1)`, about an axis across both.
 fn tilt(p: &Vector2<f64>) -> Rotation3<f64> {
     let about = Vector3::new(-p.y, p.x, 0.0);
-    match nalgebra::Unit::try_new(about, 0.0) {
+    match selenograph_geometry::Unit::try_new(about, 0.0) {
         Some(axis) => Rotation3::from_axis_angle(&axis, p.norm().atan()),
         None => Rotation3::identity(),
     }

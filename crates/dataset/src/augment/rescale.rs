@@ -4,8 +4,7 @@ use super::view::{Fidelity, UndevelopedView};
 use super::warp;
 use crate::Error;
 use crate::sample::ViewTruth;
-use nalgebra::{Matrix3, Vector3};
-use selenograph_geometry::{Camera, pixel};
+use selenograph_geometry::{Camera, Matrix3, Vector3, pixel};
 use selenograph_raster::Raster;
 use selenograph_raster::resample::pillow::{self, Filter};
 

@@ -63,7 +63,7 @@ fn the_published_geometry_is_off_by_what_it_is_known_for() {
 #[test]
 fn pictures_move_with_their_depths() {
     // Levels that are a smooth function of the ground itself tell where each pixel of the picture has come from.
-    let level = |p: nalgebra::Point3<f64>| 120.0 + 60.0 * (p.x / 4e3).sin() * (p.y / 5e3).cos();
+    let level = |p: selenograph_geometry::Point3<f64>| 120.0 + 60.0 * (p.x / 4e3).sin() * (p.y / 5e3).cos();
     let painted = views(128).map(|mut view| {
         view.levels = painted(&view, &level);
         view
@@ -81,10 +81,10 @@ fn pictures_move_with_their_depths() {
 }
 
 /// The picture of a view whose ground has levels of its own.
-fn painted(view: &UndevelopedView, level: &impl Fn(nalgebra::Point3<f64>) -> f64) -> Raster<f32> {
+fn painted(view: &UndevelopedView, level: &impl Fn(selenograph_geometry::Point3<f64>) -> f64) -> Raster<f32> {
     let truth = &view.truth;
     Raster::from_fn(view.camera.width, view.camera.height, |x, y| {
-        let center = nalgebra::Point2::new(
+        let center = selenograph_geometry::Point2::new(
             selenograph_geometry::pixel::center_of(x),
             selenograph_geometry::pixel::center_of(y),
         );

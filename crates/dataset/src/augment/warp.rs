@@ -2,8 +2,7 @@
 
 use super::view::Fidelity;
 use crate::sample::ViewTruth;
-use nalgebra::{Matrix3, Point2, Vector3};
-use selenograph_geometry::{Camera, pixel};
+use selenograph_geometry::{Camera, Matrix3, Point2, Vector3, pixel};
 use selenograph_raster::Raster;
 
 /// The place that a homography gives a continuous pixel; NaN where it has none.

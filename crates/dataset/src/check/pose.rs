@@ -2,8 +2,9 @@
 
 use super::reprojection::{DepthView, depth_z_from_range, symmetric};
 use crate::stored::{RawView, nearest_rotation};
-use nalgebra::{Matrix3, Point3, Vector3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Rigid3, Rotation3, pixel};
+use selenograph_geometry::{
+    Body, BodyFixed, Cam, Camera, Matrix3, Point3, Rigid3, Rotation3, Vector3, pixel,
+};
 use selenograph_raster::{Raster, statistics};
 
 /// Another reading of a stored pose.
@@ -64,7 +65,7 @@ pub fn fault(raw: &RawView) -> Option<String> {
     if m.iter().any(|entry| !entry.is_finite()) {
         return Some("it has entries that are not finite".to_owned());
     }
-    if (m.row(3) - nalgebra::RowVector4::new(0.0, 0.0, 0.0, 1.0)).amax() > 1e-9 {
+    if (m.row(3) - selenograph_geometry::RowVector4::new(0.0, 0.0, 0.0, 1.0)).amax() > 1e-9 {
         return Some(format!("its last row is {:?}, expected 0 0 0 1", m.row(3).iter().collect::<Vec<_>>()));
     }
     raw.world_from_cam().err().map(|error| error.to_string())

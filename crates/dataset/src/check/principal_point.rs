@@ -7,8 +7,7 @@
 
 use super::numbers::moved;
 use super::reprojection::{Carrier, DepthView, OUTLIER};
-use nalgebra::{Matrix2, Point2, Vector2};
-use selenograph_geometry::{pixel, robust::MAD_TO_SIGMA};
+use selenograph_geometry::{Matrix2, Point2, Vector2, pixel, robust::MAD_TO_SIGMA};
 use selenograph_raster::{Raster, resample, statistics};
 use serde::Serialize;
 use std::fmt;

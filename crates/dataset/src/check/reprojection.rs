@@ -1,7 +1,6 @@
 //! One view's depth carried into the other: the test of camera, pose and depth together.
 
-use nalgebra::Point2;
-use selenograph_geometry::{BodyFixed, Cam, CamA, CamB, Camera, Rigid3, pixel};
+use selenograph_geometry::{BodyFixed, Cam, CamA, CamB, Camera, Point2, Rigid3, pixel};
 use selenograph_raster::{Raster, resample, statistics};
 use serde::Serialize;
 

@@ -7,9 +7,10 @@ use crate::pair::{
     self, CameraRecord, OverlapRecord, PairRecord, SunRecord, Trajectory, ViewMeasures, ViewName,
 };
 use crate::plan::SunAngles;
-use nalgebra::{Matrix4, Point2, Point3, Vector3};
 use selenograph_files::record::{RUN_NAME, RunRecord};
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3, lookat, pixel};
+use selenograph_geometry::{
+    Body, BodyFixed, Cam, Camera, Geodetic, Matrix4, Point2, Point3, Rigid3, Vector3, lookat, pixel,
+};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::exr::{Channel, ExrImage};
 use selenograph_raster::codec::{exr, png};

@@ -2,7 +2,7 @@ use super::synthetic::{TestView, oblique_pair, write_own_pair};
 use super::*;
 use crate::export::stereolunar::{ExportOptions, write_pair};
 use crate::stored::{StereoPair, StereoView};
-use nalgebra::Matrix4;
+use selenograph_geometry::Matrix4;
 use selenograph_raster::Raster;
 use selenograph_raster::codec::exr::{Channel, ExrImage, SampleType};
 use selenograph_raster::codec::npz::{Array, Values};

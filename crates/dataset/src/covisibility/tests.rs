@@ -2,8 +2,7 @@ use super::*;
 use crate::pair::Trajectory;
 use crate::plan::{Campaign, Planner};
 use crate::test_terrain::{cap, nested, wide};
-use nalgebra::Vector3;
-use selenograph_geometry::{Body, Camera, Geodetic, Rigid3, lookat, pixel};
+use selenograph_geometry::{Body, Camera, Geodetic, Rigid3, Vector3, lookat, pixel};
 use selenograph_raster::statistics::quantiles;
 use selenograph_render::Interpolation;
 use selenograph_terrain::Terrain;
@@ -106,7 +105,7 @@ fn warps_between_views_agree_and_faults_do_not() {
             assert!(fails(&a, &range, &b), "{trajectory:?}: range as depth");
             // Y and Z of the camera axes turned round: OpenGL's pose read as OpenCV's.
             let flip = Rigid3::new(
-                nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
+                selenograph_geometry::Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
                 Point3::origin(),
             );
             let flipped = Viewpoint { world_from_cam: &a.world_from_cam * &flip, ..a.clone() };

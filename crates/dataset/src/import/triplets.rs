@@ -10,8 +10,9 @@ use crate::pair::{
 use crate::photometric::{self, Settings, SiteRule, Skipped};
 use crate::stored::triplets::{read_geometry, read_picture, trajectory_of};
 use crate::stored::{Place, RawView, Triplet, TripletPair, grey8};
-use nalgebra::{Point2, Point3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, PixelConvention, Rigid3, pixel};
+use selenograph_geometry::{
+    Body, BodyFixed, Cam, Camera, Geodetic, PixelConvention, Point2, Point3, Rigid3, pixel,
+};
 use selenograph_raster::codec::exr::{self, Attribute, Channel, ExrImage, SampleType};
 use selenograph_raster::codec::png;
 use selenograph_raster::{Raster, statistics};

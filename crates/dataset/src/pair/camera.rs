@@ -3,8 +3,9 @@
 use super::json::RECORD_VERSION;
 use super::name::ViewName;
 use crate::Error;
-use nalgebra::{Matrix3, Point3, Vector3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Distortion, Geodetic, PixelConvention, Rigid3};
+use selenograph_geometry::{
+    Body, BodyFixed, Cam, Camera, Distortion, Geodetic, Matrix3, PixelConvention, Point3, Rigid3, Vector3,
+};
 use selenograph_raster::statistics;
 use serde::{Deserialize, Serialize};
 

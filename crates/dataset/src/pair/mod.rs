@@ -21,9 +21,8 @@ pub use record::{
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Point3, Vector3};
-    use selenograph_geometry::lookat;
     use selenograph_geometry::{Body, BodyFixed, Cam, Camera, Geodetic, Rigid3};
+    use selenograph_geometry::{Point3, Vector3, lookat};
     use std::path::Path;
 
     fn pose(lat: f64, lon: f64, altitude: f64) -> Rigid3<BodyFixed, Cam> {

@@ -4,8 +4,7 @@ use super::camera::PlaceRecord;
 use super::json::RECORD_VERSION;
 use super::name::{Trajectory, ViewName};
 use crate::plan::SunAngles;
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Rigid3};
+use selenograph_geometry::{Body, BodyFixed, Cam, Geodetic, PixelConvention, Point3, Rigid3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

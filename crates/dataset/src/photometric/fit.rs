@@ -1,8 +1,8 @@
 //! A picture from a surface and a Sun, and how well it agrees with a given one.
 
 use super::surface::ViewSurface;
-use nalgebra::Vector3;
 use rayon::prelude::*;
+use selenograph_geometry::Vector3;
 use selenograph_raster::Raster;
 
 /// A rendered picture beside the given one.

@@ -3,10 +3,9 @@
 use super::dequantise::dequantise;
 use crate::Error;
 use crate::stored::RawView;
-use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 use selenograph_geometry::pixel::center_of;
-use selenograph_geometry::{BodyFixed, Cam, Rigid3};
+use selenograph_geometry::{BodyFixed, Cam, Point2, Point3, Rigid3, Vector3};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::exr::SampleType;
 
@@ -81,8 +80,7 @@ fn facet(points: &Raster<Option<Point3<f64>>>, x: usize, y: usize) -> Option<Fac
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Matrix4};
-    use selenograph_geometry::{Distortion, PixelConvention};
+    use selenograph_geometry::{Distortion, Matrix3, Matrix4, PixelConvention};
 
     #[test]
     fn a_tilted_plane_has_its_normal_everywhere() {

@@ -3,8 +3,7 @@
 use super::campaign::LimitSection;
 use super::flight::Pose;
 use super::ground::clearance_m;
-use nalgebra::{Point2, Point3, UnitVector3, Vector3};
-use selenograph_geometry::Camera;
+use selenograph_geometry::{Camera, Point2, Point3, UnitVector3, Vector3};
 use selenograph_render::{Hit, Tracer, Viewpoint};
 use selenograph_terrain::cover::{Coverage, Seen};
 use serde::{Deserialize, Serialize};

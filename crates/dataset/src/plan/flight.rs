@@ -9,8 +9,9 @@ use super::sections::{
 };
 use crate::pair::Trajectory;
 use crate::rng::Stream;
-use nalgebra::{Point3, Rotation3, Unit, Vector3};
-use selenograph_geometry::{Body, BodyFixed, Cam, Error as GeometryError, Geodetic, Rigid3, lookat};
+use selenograph_geometry::{
+    Body, BodyFixed, Cam, Error as GeometryError, Geodetic, Point3, Rigid3, Rotation3, Unit, Vector3, lookat,
+};
 
 /// A camera's pose.
 pub type Pose = Rigid3<BodyFixed, Cam>;

@@ -1,7 +1,6 @@
 //! Heights that a plan asks the terrain for.
 
-use nalgebra::Point3;
-use selenograph_geometry::Geodetic;
+use selenograph_geometry::{Geodetic, Point3};
 use selenograph_terrain::Terrain;
 
 /// Median and spread of the heights round a place.

@@ -3,8 +3,7 @@
 use super::interval::{Interval, check_number};
 use crate::Error;
 use crate::rng::Stream;
-use nalgebra::Vector3;
-use selenograph_geometry::{Body, Geodetic, units::wrap_360_deg};
+use selenograph_geometry::{Body, Geodetic, Vector3, units::wrap_360_deg};
 use serde::{Deserialize, Serialize};
 
 /// A number, or a range that one is drawn from for each pair.

@@ -5,8 +5,7 @@ use super::flight::Pose;
 use super::lighting::SunAngles;
 use crate::Error;
 use crate::pair::Trajectory;
-use nalgebra::Point3;
-use selenograph_geometry::{Camera, Distortion, Geodetic, Rigid3};
+use selenograph_geometry::{Camera, Distortion, Geodetic, Point3, Rigid3};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
@@ -325,7 +324,7 @@ impl Cells<'_> {
     }
 
     fn camera(&self) -> Result<Camera, Error> {
-        let k = nalgebra::Matrix3::new(
+        let k = selenograph_geometry::Matrix3::new(
             self.finite("fx_px")?,
             0.0,
             self.finite("cx_px")?,

@@ -1,8 +1,7 @@
 use super::*;
 use crate::pair::tilt_rad;
 use crate::test_terrain::{nested, wide};
-use nalgebra::{Matrix3, Vector3};
-use selenograph_geometry::Body;
+use selenograph_geometry::{Body, Matrix3, Vector3};
 use selenograph_render::Interpolation;
 use std::path::Path;
 

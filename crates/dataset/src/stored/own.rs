@@ -4,7 +4,7 @@ use super::place::{Files, folders};
 use super::view::{RawView, check_size, grey8};
 use crate::Error;
 use crate::pair::{CameraRecord, SensorRecord, ViewName, camera_name, image_name, lit_name, truth_name};
-use nalgebra::{Matrix3, Matrix4};
+use selenograph_geometry::{Matrix3, Matrix4};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::{Picture, exr, png};
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
 //! Views in memory: as their files hold them, and as they are worked with.
 
 use crate::Error;
-use nalgebra::{Matrix3, Matrix4, Point3};
-use selenograph_geometry::{BodyFixed, Cam, Camera, Distortion, PixelConvention, Rigid3, Rotation3};
+use selenograph_geometry::{
+    BodyFixed, Cam, Camera, Distortion, Matrix3, Matrix4, PixelConvention, Point3, Rigid3, Rotation3,
+};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::Picture;
 use selenograph_raster::codec::exr::SampleType;

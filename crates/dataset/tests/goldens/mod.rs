@@ -1,9 +1,8 @@
 //! Reading the reference's numbers.
 
-use nalgebra::{Matrix3, Point3};
 use safetensors::{Dtype, SafeTensors};
 use selenograph_dataset::sample::ViewTruth;
-use selenograph_geometry::{BodyFixed, Cam, Camera, PixelConvention, Rigid3};
+use selenograph_geometry::{BodyFixed, Cam, Camera, Matrix3, PixelConvention, Point3, Rigid3};
 use selenograph_raster::Raster;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -2,8 +2,8 @@
 
 pub(crate) mod tree;
 
-use nalgebra::Point3;
 use rayon::prelude::*;
+use selenograph_geometry::Point3;
 use tree::Tree;
 
 /// Distances between a predicted and a true cloud, in their unit.

@@ -1,7 +1,7 @@
 //! Exact nearest neighbours: a balanced k-d tree over points that may coincide.
 
-use nalgebra::Point3;
 use rayon::join;
+use selenograph_geometry::Point3;
 
 /// Points per leaf, at most.
 const LEAF: usize = 16;
@@ -234,7 +234,7 @@ mod tests {
             let tree = Tree::new(&points);
             assert_eq!(tree.items.len(), count);
             let mut found = Vec::new();
-            for to in cloud(60, 0.0).iter().map(|p| p + nalgebra::Vector3::new(0.01, -0.3, 0.1)) {
+            for to in cloud(60, 0.0).iter().map(|p| p + selenograph_geometry::Vector3::new(0.01, -0.3, 0.1)) {
                 let expected = brute(&points, &to);
                 assert_eq!(tree.nearest_squared(&to, f64::INFINITY), expected[0]);
                 assert_eq!(tree.nearest_squared(&to, 0.5 * expected[0]), 0.5 * expected[0]);

@@ -166,7 +166,8 @@ impl LoadedPair {
         let num_warped = (along(a.camera.width) * along(a.camera.height)).max(1);
         let depths = self.truth.views[0].depth_z.data.iter().map(|z| f64::from(*z));
         let median_z = statistics::median(depths).unwrap_or(f64::NAN);
-        let ground = self.truth.views[0].world_from_cam.point(&nalgebra::Point3::new(0.0, 0.0, median_z));
+        let ground =
+            self.truth.views[0].world_from_cam.point(&selenograph_geometry::Point3::new(0.0, 0.0, median_z));
         let ground_height = self.body.height_m(&ground);
         let [high_a, high_b] =
             [&a, &b].map(|view| self.body.height_m(&view.world_from_cam.origin()) - ground_height);

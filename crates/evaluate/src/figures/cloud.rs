@@ -1,7 +1,6 @@
 //! Both clouds of a pair in one picture, seen from the side: view A orange, view B blue.
 
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{BodyFixed, CamA, Rigid3};
+use selenograph_geometry::{BodyFixed, CamA, Point3, Rigid3, Vector3};
 use selenograph_raster::{Raster, statistics};
 use selenograph_report::color::{VIEW_1, VIEW_2};
 

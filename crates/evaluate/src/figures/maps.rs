@@ -2,7 +2,7 @@
 
 use crate::aligned::AlignedPair;
 use crate::truth::TruthPair;
-use nalgebra::{Point3, Vector3};
+use selenograph_geometry::{Point3, Vector3};
 use selenograph_raster::colormap::{ABSENT, Colormap};
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::Fill;

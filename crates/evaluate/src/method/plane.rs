@@ -3,8 +3,7 @@
 use super::truth::known_everywhere;
 use crate::truth::TruthPair;
 use crate::truth::plane::Plane;
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{Cam, CamA, Rigid3};
+use selenograph_geometry::{Cam, CamA, Point3, Rigid3, Vector3};
 use selenograph_reconstruct::Prediction;
 
 /// The plane fitted to the true points of both views, seen through both cameras.

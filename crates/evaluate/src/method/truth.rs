@@ -1,8 +1,7 @@
 //! The truth as an answer.
 
 use crate::truth::{TruthPair, TruthView};
-use nalgebra::Point3;
-use selenograph_geometry::{Cam, CamA, Rigid3};
+use selenograph_geometry::{Cam, CamA, Point3, Rigid3};
 use selenograph_raster::Raster;
 use selenograph_reconstruct::{Fill, PredictedView, Prediction};
 

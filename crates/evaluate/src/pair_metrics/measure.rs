@@ -8,7 +8,7 @@ use crate::Error;
 use crate::aligned::Answers;
 use crate::pose_error::pose_error;
 use crate::truth::TruthPair;
-use nalgebra::Point3;
+use selenograph_geometry::Point3;
 use selenograph_reconstruct::Prediction;
 
 /// Every metric of one prediction; make a [`PreparedTruth`] once where there are several.

@@ -10,8 +10,8 @@ use crate::slope::neighbour_normals::neighbour_normals;
 use crate::truth::covisible::covisible;
 use crate::truth::plane::Plane;
 use crate::truth::{Precision, TruthPair};
-use nalgebra::{Point3, Vector3};
 use selenograph_dataset::photometric::dequantise::dequantise;
+use selenograph_geometry::{Point3, Vector3};
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::Prediction;
 

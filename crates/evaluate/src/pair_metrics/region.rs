@@ -14,7 +14,7 @@ use crate::point_error::{PointError, point_error};
 use crate::profile;
 use crate::slope::neighbour_normals::neighbour_normals;
 use crate::ssim::ssim;
-use nalgebra::{Point3, Vector3};
+use selenograph_geometry::{Point3, Vector3};
 use selenograph_raster::Raster;
 use selenograph_reconstruct::Fill;
 

@@ -2,8 +2,7 @@
 
 use crate::agreement::Agreement;
 use crate::slope::{erode, from_sobel, neighbour_normals, sobel_length, true_slope, world_z};
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{BodyFixed, CamA, Rigid3};
+use selenograph_geometry::{BodyFixed, CamA, Point3, Rigid3, Vector3};
 use selenograph_raster::Raster;
 
 /// How far the mask of footprint slopes is eroded, pixels.

@@ -3,8 +3,7 @@
 pub(crate) mod neighbour_normals;
 
 use crate::pose_error::angle_rad;
-use nalgebra::{Point3, Vector3};
-use selenograph_geometry::{BodyFixed, CamA, Rigid3};
+use selenograph_geometry::{BodyFixed, CamA, Point3, Rigid3, Vector3};
 use selenograph_raster::Raster;
 
 /// Sum of a Sobel kernel's weights on one side, times two samples apart.

@@ -1,8 +1,8 @@
 //! Normals of a cloud from each point's nearest neighbours.
 
 use crate::cloud::tree::Tree;
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
+use selenograph_geometry::{Matrix3, Point3, SymmetricEigen, Vector3};
 use selenograph_raster::Raster;
 
 /// Neighbours that make a normal, the point itself among them, as the authors have it.

@@ -1,10 +1,9 @@
 //! Which pixels of a view show ground that the other view shows as well, by the depths of both.
 
 use super::TruthView;
-use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 use selenograph_geometry::pixel::{center_of, index_of};
-use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3};
+use selenograph_geometry::{BodyFixed, CamA, CamB, Point2, Point3, Rigid3};
 use selenograph_raster::{Raster, resample};
 
 /// Depths that differ by less than this share of theirs are of one surface: ten times the step of a half float, a tenth

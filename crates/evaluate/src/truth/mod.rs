@@ -3,11 +3,10 @@
 pub(crate) mod covisible;
 pub(crate) mod plane;
 
-use nalgebra::{Point2, Point3, Vector3};
 use selenograph_dataset::photometric::dequantise::half_interval;
 use selenograph_dataset::stored::{StereoPair, StereoView};
 use selenograph_geometry::pixel::{self, center_of};
-use selenograph_geometry::{BodyFixed, Cam, CamA, CamB, Camera, Rigid3};
+use selenograph_geometry::{BodyFixed, Cam, CamA, CamB, Camera, Point2, Point3, Rigid3, Vector3};
 use selenograph_raster::{Raster, statistics};
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! The plane nearest to a view's true points: the lower anchor, and what a pixel without answer counts as.
 
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use selenograph_geometry::{Matrix3, Point3, SymmetricEigen, Vector3};
 
 /// A plane `normal · x = offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]

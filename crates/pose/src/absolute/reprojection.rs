@@ -3,7 +3,7 @@
 use super::{Sighting, squared_error};
 use crate::decompose::nearest_rotation;
 use crate::solvers::p3p::CameraPose;
-use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
+use selenograph_geometry::{Rotation3, SMatrix, SVector, Vector3};
 
 /// Reprojection error and its derivatives by a rotation vector applied in the camera and by the translation.
 fn residual(pose: &CameraPose, sighting: &Sighting) -> (SVector<f64, 2>, SMatrix<f64, 2, 6>) {

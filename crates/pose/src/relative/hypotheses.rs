@@ -9,7 +9,7 @@ use crate::ransac::{Estimator, Local, Score, Search, search};
 use crate::refine::{Loss, refine, robust_sigma};
 use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use selenograph_geometry::{Matrix3, SymmetricEigen, Vector3};
 
 /// Matches that a start is judged by; all take part in the last refinement.
 const MAX_TRIAL: usize = 800;

@@ -6,8 +6,8 @@ use crate::degenerate::chance_share;
 use crate::points::Pairs;
 use crate::sampson;
 use crate::solvers::homography_4pt::transfer_squared;
-use nalgebra::{Matrix3, Vector3};
 use selenograph_geometry::robust::MAD_TO_SIGMA;
+use selenograph_geometry::{Matrix3, Vector3};
 
 /// Distances from the plane are drawn in by this many robust sigmas.
 const FAR_SIGMAS: f64 = 8.0;

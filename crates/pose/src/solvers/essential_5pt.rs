@@ -9,7 +9,7 @@
 //! Nistér 2004, "An efficient solution to the five-point relative pose problem", IEEE TPAMI 26(6), §3.2.
 
 use crate::polynomial::{MAX_DEGREE, real_roots};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use selenograph_geometry::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Exponents of x, y, z in the monomials of a cubic, in the order of the elimination: the first ten are solved for.
 const CUBIC: [[u8; 3]; 20] = [

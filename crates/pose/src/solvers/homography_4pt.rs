@@ -3,7 +3,7 @@
 //! # Source
 //! Hartley, Zisserman 2004, "Multiple View Geometry", §4.1 (DLT), §4.4 (normalisation); Semple, Kneebone 1952 (projective bases).
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use selenograph_geometry::{Matrix3, SMatrix, Vector3};
 
 /// The homography through four matches: `b ∝ H a`. Frobenius norm √3.
 ///

@@ -10,7 +10,7 @@
 //! 2011, "Perspectives on Projective Geometry", §11.3.
 
 use crate::polynomial::{MAX_DEGREE, real_roots};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use selenograph_geometry::{Matrix3, Rotation3, Vector3};
 
 /// A pose of a camera: `x_in_cam = rotation · x_in_world + translation`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@
 //! # Source
 //! Kabsch 1976/1978; Umeyama 1991, IEEE TPAMI 13(4), eq. 43 (the sign).
 
-use nalgebra::{Matrix3, Vector3};
+use selenograph_geometry::{Matrix3, Vector3};
 
 /// The rotation nearest to a correlation matrix `Σ w b aᵀ`, and the sum of its (signed) singular values; none where its rank is
 /// below two.

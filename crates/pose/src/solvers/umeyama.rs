@@ -7,8 +7,7 @@
 //! Umeyama 1991, "Least-squares estimation of transformation parameters between two point patterns", IEEE TPAMI 13(4), eq. 40-42.
 
 use crate::solvers::rotation::rotation_of_correlation;
-use nalgebra::{Matrix3, Rotation3, Vector3};
-use selenograph_geometry::{Frame, Point3, Rigid3, Sim3};
+use selenograph_geometry::{Frame, Matrix3, Point3, Rigid3, Rotation3, Sim3, Vector3};
 
 /// Whether a scale is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

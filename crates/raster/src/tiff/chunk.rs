@@ -59,10 +59,8 @@ fn inflate(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
     let mut decoder = flate2::read::ZlibDecoder::new(packed);
     decoder.read_exact(&mut bytes).map_err(|e| format!("deflate stream: {e}"))?;
     // The checksum stands behind the last byte, and is looked at only by who reads on.
-    match decoder.read(&mut [0]) {
-        Err(e) => Err(format!("deflate stream: {e}")),
-        Ok(_) => Ok(bytes),
-    }
+    std::io::copy(&mut decoder.take(1), &mut std::io::sink()).map_err(|e| format!("deflate stream: {e}"))?;
+    Ok(bytes)
 }
 
 fn unpack_lzw(mut decoder: weezl::decode::Decoder, packed: &[u8], size: usize) -> Result<Vec<u8>, String> {

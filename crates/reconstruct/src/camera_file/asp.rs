@@ -10,8 +10,9 @@
 
 use super::{CameraFile, CameraFormat, Source, WorldPose};
 use crate::Error;
-use nalgebra::{Matrix3, RowVector3};
-use selenograph_geometry::{BodyFixed, Cam, Camera, Distortion, PixelConvention, Point3, Rigid3};
+use selenograph_geometry::{
+    BodyFixed, Cam, Camera, Distortion, Matrix3, PixelConvention, Point3, Rigid3, RowVector3,
+};
 
 /// The newest version that is known.
 const NEWEST: u32 = 4;

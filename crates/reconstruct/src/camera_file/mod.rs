@@ -182,7 +182,7 @@ impl Source<'_> {
 
     /// A pose from the rows of `[R | t]`.
     fn pose_of_rows(&self, rows: &[[f64; 4]; 3]) -> Result<Rigid3<BodyFixed, Cam>, Error> {
-        let rotation = nalgebra::Matrix3::from_fn(|i, j| rows[i][j]);
+        let rotation = selenograph_geometry::Matrix3::from_fn(|i, j| rows[i][j]);
         let position = self.position([rows[0][3], rows[1][3], rows[2][3]])?;
         Rigid3::from_matrix(&rotation, position)
             .map_err(|e| self.bad("world_from_cam with a rotation (orthonormal, determinant +1)", e))

@@ -2,8 +2,7 @@
 
 use super::{CameraFile, CameraFormat, Quaternion, Source, WorldPose};
 use crate::Error;
-use nalgebra::Matrix3;
-use selenograph_geometry::{Camera, Distortion, PixelConvention};
+use selenograph_geometry::{Camera, Distortion, Matrix3, PixelConvention};
 use serde::Deserialize;
 
 /// The name in the key `format`.

@@ -8,7 +8,7 @@ pub(super) const SIZE: PictureSize = PictureSize { width: 640, height: 480, path
 const SAME_PX: f64 = 1e-9;
 
 pub(super) fn camera() -> Camera {
-    let k = nalgebra::Matrix3::new(700.0, 0.0, 311.25, 0.0, 710.5, 245.75, 0.0, 0.0, 1.0);
+    let k = selenograph_geometry::Matrix3::new(700.0, 0.0, 311.25, 0.0, 710.5, 245.75, 0.0, 0.0, 1.0);
     let lens = Distortion { k1: -0.1, k2: 0.02, p1: 1e-3, p2: -2e-3, k3: 0.0 };
     Camera::from_k(640, 480, &k, PixelConvention::Corner).unwrap().with_distortion(lens)
 }

@@ -4,10 +4,9 @@ use super::plane;
 use crate::Error;
 use crate::prediction::{Fill, Prediction};
 use crate::scale::{Placement, World};
-use nalgebra::Matrix3;
 use selenograph_geometry::proj_string::Crs;
 use selenograph_geometry::{
-    Body, BodyFixed, Enu, Point3, Pole, PredA, Projection, Rigid3, Rotation3, Sim3, Vector3,
+    Body, BodyFixed, Enu, Matrix3, Point3, Pole, PredA, Projection, Rigid3, Rotation3, Sim3, Vector3,
 };
 
 /// Poleward of this latitude maps are polar stereographic (the split of the IAU's own maps), radians.

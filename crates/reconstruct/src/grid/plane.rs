@@ -1,8 +1,7 @@
 //! The plane through a surface, which a few blunders cannot turn.
 
 use crate::Error;
-use nalgebra::Matrix3;
-use selenograph_geometry::{Vector3, robust::MAD_TO_SIGMA};
+use selenograph_geometry::{Matrix3, Vector3, robust::MAD_TO_SIGMA};
 
 /// A plane `(p − center)·normal = 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]

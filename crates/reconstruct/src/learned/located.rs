@@ -87,7 +87,7 @@ pub(super) fn locate(
     })
 }
 
-fn turn(pose: &Rigid3<CamB, CamA>) -> nalgebra::UnitQuaternion<f64> {
+fn turn(pose: &Rigid3<CamB, CamA>) -> selenograph_geometry::UnitQuaternion<f64> {
     let [w, x, y, z] = pose.quaternion_wxyz();
-    nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+    selenograph_geometry::UnitQuaternion::from_quaternion(selenograph_geometry::Quaternion::new(w, x, y, z))
 }

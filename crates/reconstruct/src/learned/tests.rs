@@ -234,7 +234,7 @@ fn what_tells_nothing_gives_no_pose() {
         for (k, m) in jittered.matches.iter_mut().enumerate() {
             let step =
                 |n: usize| [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0][(7.0 * anywhere(k + 997 * seed, n)) as usize];
-            m.b += nalgebra::Vector2::new(step(101), step(389));
+            m.b += selenograph_geometry::Vector2::new(step(101), step(389));
         }
         let found = solve(cameras, &jittered, None, &LearnedOptions::default()).unwrap();
         let pose = found.prediction.cam_b_from_cam_a;
@@ -277,7 +277,7 @@ fn what_tells_nothing_gives_no_pose() {
         for m in &mut smooth.matches {
             let patch = 10 * (m.a.y as usize / 32) + m.a.x as usize / 32;
             let shift = |n: usize| (60.0 * (anywhere(patch + 211 * seed, n) - 0.5)).round();
-            m.b += nalgebra::Vector2::new(shift(101), shift(389));
+            m.b += selenograph_geometry::Vector2::new(shift(101), shift(389));
         }
         let pose = |grain: Grain| {
             let smooth = Learned { grain, pointmaps: None, ..smooth.clone() };

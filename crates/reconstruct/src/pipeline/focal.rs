@@ -13,8 +13,7 @@ use super::matcher::Matcher;
 use crate::evidence::FocalSource;
 use crate::relative_pose::{JudgedMatch, SiftOptions};
 use crate::{Error, View};
-use nalgebra::Point2;
-use selenograph_geometry::Camera;
+use selenograph_geometry::{Camera, Point2};
 use selenograph_pose::decompose::Motion;
 use selenograph_pose::points::Pairs;
 use selenograph_pose::refine::{self, Loss};
@@ -187,7 +186,7 @@ fn golden_section(mut low: f64, mut high: f64, cost: &impl Fn(f64) -> f64) -> f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Rotation3, Vector3};
+    use selenograph_geometry::{Rotation3, Vector3};
 
     /// Matches of 300 points on rough ground, with noise of about 0.2 pixels; the second camera turned and shifted.
     fn matches(focal_px: f64, turn: [f64; 3], shift: Vector3<f64>, roughness: f64) -> Vec<Centred> {

@@ -52,7 +52,7 @@ fn an_altitude_is_that_of_the_ground_straight_below() {
     assert!((level.cam_a_from_pred.scale() / 300.0 - 1.0).abs() < TOLERANCE);
     // The camera looks along the vertical at sloping ground: the point on the axis counts, not the nearest one.
     let down = Rigid3::<Enu, CamA>::new(
-        selenograph_geometry::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_diagonal(
+        selenograph_geometry::Rotation3::from_matrix_unchecked(selenograph_geometry::Matrix3::from_diagonal(
             &Vector3::new(1.0, -1.0, -1.0),
         )),
         Point3::origin(),

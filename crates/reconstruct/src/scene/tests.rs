@@ -5,7 +5,7 @@ use selenograph_raster::Raster;
 use std::path::Path;
 
 fn camera(k3: f64) -> Camera {
-    let k = nalgebra::Matrix3::new(700.0, 0.0, 311.25, 0.0, 710.5, 245.75, 0.0, 0.0, 1.0);
+    let k = selenograph_geometry::Matrix3::new(700.0, 0.0, 311.25, 0.0, 710.5, 245.75, 0.0, 0.0, 1.0);
     let lens = Distortion { k1: -0.1, k2: 0.02, p1: 1e-3, p2: -2e-3, k3 };
     Camera::from_k(640, 480, &k, PixelConvention::Corner).unwrap().with_distortion(lens)
 }
@@ -18,7 +18,11 @@ fn b_from_a() -> Rigid3<CamB, CamA> {
 fn scene(k3: f64) -> Scene {
     let cameras = [camera(k3), camera(0.0)];
     let seen = (0..30).filter_map(|k| {
-        let at = Point3::new(0.05 * (k % 6) as f64 - 0.1, 0.04 * (k / 6) as f64 - 0.1, 4.0 + 0.01 * k as f64);
+        let at = Point3::new(
+            0.05 * f64::from(k % 6) - 0.1,
+            0.04 * f64::from(k / 6) - 0.1,
+            4.0 + 0.01 * f64::from(k),
+        );
         let [a, b] = [cameras[0].project(&at)?, cameras[1].project(&b_from_a().point(&at))?];
         Some(JudgedMatch { inlier: k % 5 != 0, ..JudgedMatch::unjudged(a, b) })
     });
@@ -110,7 +114,7 @@ fn nerfstudio_frames_reproject() {
         assert_eq!(frame["file_path"], format!("../{}", scene.views[view].name));
         let number = |key: &str| frame[key].as_f64().unwrap();
         let m = |i: usize, j: usize| frame["transform_matrix"][i][j].as_f64().unwrap();
-        let rotation = nalgebra::Matrix3::from_fn(m);
+        let rotation = selenograph_geometry::Matrix3::from_fn(m);
         assert!((rotation.determinant() - 1.0).abs() < 1e-12);
         let centre = Point3::new(m(0, 3), m(1, 3), m(2, 3));
         for point in &scene.points {

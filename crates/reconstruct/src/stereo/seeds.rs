@@ -63,7 +63,7 @@ impl Plane {
             let mut residuals: Vec<f64> = points.iter().map(|p| (p.rho - plane.at(p.ray)).abs()).collect();
             residuals.sort_by(f64::total_cmp);
             let scale = (1.5 * residuals[residuals.len() / 2]).max(1e-6 * median);
-            let mut normal = nalgebra::Matrix3::<f64>::identity() * 1e-9;
+            let mut normal = selenograph_geometry::Matrix3::<f64>::identity() * 1e-9;
             let mut right = Vector3::zeros();
             for p in points {
                 // The first step starts from a constant and must not take a slope for outliers.

@@ -2,9 +2,8 @@
 
 use crate::dispatch::widest;
 use crate::matching::Match;
-use nalgebra::{SMatrix, SVector};
-use selenograph_geometry::Point2;
 use selenograph_geometry::pixel::center_of;
+use selenograph_geometry::{Point2, SMatrix, SVector};
 
 /// Rounds of reweighting.
 const ROUNDS: usize = 8;

@@ -143,7 +143,7 @@ fn level(up: &Vector3<f64>) -> Rotation3<f64> {
     let seed = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let north = up.cross(&seed).normalize();
     let east = north.cross(up);
-    Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_rows(&[
+    Rotation3::from_matrix_unchecked(selenograph_geometry::Matrix3::from_rows(&[
         east.transpose(),
         north.transpose(),
         up.transpose(),

@@ -99,7 +99,7 @@ pub fn transform(found: &Reconstruction) -> PairPose {
     let metric = found.placement.metric;
     let unit = found.placement.cam_a_from_pred.scale();
     let covariance = match &found.pose {
-        PoseSource::Estimated(pose) => Some(nalgebra::DMatrix::from_fn(5, 5, |i, j| {
+        PoseSource::Estimated(pose) => Some(selenograph_geometry::DMatrix::from_fn(5, 5, |i, j| {
             0.5 * (pose.covariance[(i, j)] + pose.covariance[(j, i)])
         })),
         PoseSource::Given { .. } | PoseSource::Points { .. } | PoseSource::Nothing => None,

@@ -13,9 +13,8 @@ mod text;
 use super::{CameraFile, CameraFormat, Source, WorldPose};
 use crate::Error;
 use models::{MODELS, Model};
-use nalgebra::Matrix3;
 use names::Candidates;
-use selenograph_geometry::{Camera, Distortion, PixelConvention};
+use selenograph_geometry::{Camera, Distortion, Matrix3, PixelConvention};
 use std::path::{Path, PathBuf};
 
 pub(super) use text::is_camera_list;

@@ -7,8 +7,7 @@ mod tree;
 
 use super::{CameraFile, CameraFormat, Source};
 use crate::Error;
-use nalgebra::Matrix3;
-use selenograph_geometry::{Camera, Distortion, PixelConvention};
+use selenograph_geometry::{Camera, Distortion, Matrix3, PixelConvention};
 use tree::{Keys, Node};
 
 /// Names of one key, without case and underscores.

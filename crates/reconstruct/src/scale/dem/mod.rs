@@ -22,9 +22,9 @@ use super::{Placement, ScaleSource};
 use crate::Error;
 use crate::grid::frame::sampled_points;
 use crate::prediction::Prediction;
-use nalgebra::{SMatrix, SVector};
 use selenograph_geometry::{
-    BodyFixed, CamA, Enu, Point3, PredA, Rigid3, Rotation3, Sim3, Vector3, robust::MAD_TO_SIGMA,
+    BodyFixed, CamA, Enu, Point3, PredA, Rigid3, Rotation3, SMatrix, SVector, Sim3, Vector3,
+    robust::MAD_TO_SIGMA,
 };
 use selenograph_raster::statistics::median;
 use serde::{Deserialize, Serialize};
