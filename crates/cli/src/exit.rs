@@ -140,6 +140,11 @@ pub fn io_kind(error: &anyhow::Error) -> Option<ErrorKind> {
     error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>()).map(std::io::Error::kind)
 }
 
+fn is_of_the_system(error: &anyhow::Error) -> bool {
+    let errors = error.chain().filter_map(|cause| cause.downcast_ref::<std::io::Error>());
+    errors.take(1).any(|error| error.raw_os_error().is_some())
+}
+
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     io_kind(error) == Some(ErrorKind::BrokenPipe)
 }
@@ -155,11 +160,12 @@ fn code(error: &anyhow::Error) -> u8 {
             | ErrorKind::IsADirectory
             | ErrorKind::ReadOnlyFilesystem
             | ErrorKind::InvalidInput
-            | ErrorKind::FileTooLarge
             | ErrorKind::InvalidData
             | ErrorKind::InvalidFilename
             | ErrorKind::UnexpectedEof,
         ) => WRONG_INPUT,
+        // Of a reader that will not hold it; a system that will not write it says the same, and has a number for it.
+        Some(ErrorKind::FileTooLarge) if !is_of_the_system(error) => WRONG_INPUT,
         Some(_) => UNEXPECTED,
         None => WRONG_INPUT,
     }

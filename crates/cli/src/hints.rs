@@ -123,6 +123,9 @@ fn dataset(error: &selenograph_dataset::Error) -> Option<String> {
         Error::Geometry(error) => geometry(error),
         Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
+        Error::Changed { .. } => some(
+            "take the file from a copy, or make the pair again; what evaluates, trains and exports takes --no-verify",
+        ),
         Error::Campaign { nearest: Some(nearest), .. } => Some(format!("did you mean `{nearest}`?")),
         Error::Value { key, .. } if key.starts_with("loader.") => {
             some("`selenograph train run … --dry-run` prints every key with its value")

@@ -33,7 +33,7 @@ pub fn run(args: &Evaluate, ui: &Ui) -> anyhow::Result<Outcome> {
     if ui.json {
         ui.data_json(&summary)?;
     } else {
-        ui.data(&overview_text(&overview))?;
+        ui.data(overview_text(&overview).trim_end())?;
     }
     let out = args.target.out.display();
     ui.note(&format!("evaluation: {out}; every number in {out}/tables, pictures in {out}/report.html"));

@@ -36,7 +36,7 @@ fn exif_tells_the_focal_length_and_how_a_picture_is_turned() {
     for name in ["a", "b"] {
         jpeg_with_exif(&place, name, 36, 6);
     }
-    let answer = place.run("reconstruct a.jpg b.jpg --method sift --no-report --out out").ok();
+    let answer = place.run("reconstruct a.jpg b.jpg --no-report --out out").ok();
     // 36 mm over a diagonal of 43.27 mm, of 160 √2 px.
     for said in ["188.3 px", "35 mm equivalent", "EXIF tells", "90° clockwise"] {
         assert!(answer.stderr.contains(said), "{said}: {}", answer.stderr);
@@ -44,7 +44,7 @@ fn exif_tells_the_focal_length_and_how_a_picture_is_turned() {
     let record = std::fs::read_to_string(place.path("out/run.toml")).unwrap();
     assert!(record.contains("\"exif\"") && record.contains("188.2"), "{record}");
     // A focal length that is given is believed.
-    let answer = place.run("reconstruct a.jpg b.jpg --method sift --fov-deg 45 --no-report --out two").ok();
+    let answer = place.run("reconstruct a.jpg b.jpg --fov-deg 45 --no-report --out two").ok();
     assert!(!answer.stderr.contains("EXIF tells"), "{}", answer.stderr);
     jpeg_with_exif(&place, "a", 36, 2);
     place.run("reconstruct a.jpg b.jpg --out three -q").refused("mirrored", "upright");
@@ -77,7 +77,7 @@ fn matches_go_out_and_come_back() {
         .collect();
     place.write("whole.txt", &whole);
     let centre = "--matches whole.txt --matches-convention center";
-    let run = format!("reconstruct a.png b.png --fov-deg 45 {centre} --method sift --no-report --out three");
+    let run = format!("reconstruct a.png b.png --fov-deg 45 {centre} --no-report --out three");
     let answer = place.run(&run).ok();
     assert!(answer.stderr.contains("rounded to 1.000 px: taken as right to 0.29 px"), "{}", answer.stderr);
     for (options, says) in [

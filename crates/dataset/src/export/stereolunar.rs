@@ -213,7 +213,13 @@ mod tests {
         let val = read_split(&out.join("val.npz")).unwrap();
         assert_eq!(val.scenes, ["oblique"]);
         assert_eq!(val.images, ["im_00012", "im_00013", "im_00014", "im_00015"]);
-        assert_eq!(val.pairs, [[0, 0, 1, 60], [0, 2, 3, 60]]);
+        let record: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(root.path().join("pairs/000/000002/pair.json")).unwrap())
+                .unwrap();
+        let overlap = ["a_in_b", "b_in_a"].map(|key| record["overlap"][key].as_f64().unwrap());
+        let score = (100.0 * overlap[0].min(overlap[1])).round() as i64;
+        assert!((1..100).contains(&score));
+        assert_eq!(val.pairs, [[0, 0, 1, score], [0, 2, 3, score]]);
         let scene = out.join("oblique");
         let files = ["im_00001.exr", "im_00001.npz"];
         let raw = read_geometry(&Place::folder(&scene), files, PixelConvention::Center).unwrap();

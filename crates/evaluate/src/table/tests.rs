@@ -101,7 +101,7 @@ fn a_reduction_that_leaves_something_is_never_all() {
     assert_eq!(told(100.0 * (1.0 - 0.0025 / 0.696)), "−99.6 %");
     assert_eq!(
         [told(99.9991), told(75.2), told(-20.0), told(100.0)],
-        ["−99.999 %", "−75 %", "+20 %", "−100 %"]
+        ["−99.9991 %", "−75 %", "+20 %", "−100 %"]
     );
 }
 

@@ -198,7 +198,10 @@ fn lay_out(lifted: &Lifted, cell: f64, options: &GridOptions) -> Result<(Layout,
     let [length, width] = ranges.map(|[low, high]| high - low);
     let is_too_many = across * down > options.max_cells as f64;
     if let Some(found) = options.cell.filter(|cell| is_too_many || *cell > length.min(width)) {
-        let least = (length * width / options.max_cells as f64).sqrt() * ROOM;
+        // At most two cells more on either axis than lengths over cells: (length / c + 2)(width / c + 2) is the most there may be.
+        let (area, half) = (length * width, length + width);
+        let most_cells = (options.max_cells as f64).max(5.0);
+        let least = (area / ((half * half + area * (most_cells - 4.0)).sqrt() - half)).max(0.0);
         return Err(Error::Cell { found, least, most: length.min(width) });
     }
     if is_too_many {

@@ -69,8 +69,17 @@ impl Reconstruct {
             &self.network.weights,
         ];
         let named = optional.into_iter().flatten().filter(|path| *path != Path::new(builtin::NAME)).cloned();
-        [self.a.clone(), self.b.clone()].into_iter().chain(named).collect()
+        [self.a.clone(), self.b.clone()].into_iter().chain(named.flat_map(whole)).collect()
     }
+}
+
+/// A file itself; of a folder (a COLMAP model) the files in it.
+fn whole(path: PathBuf) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(&path) else { return vec![path] };
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    files.sort();
+    files
 }
 
 /// Reads both pictures and finds their cameras.
