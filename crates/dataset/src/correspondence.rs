@@ -69,7 +69,7 @@ pub fn landings(from: Sighted<'_>, to: Sighted<'_>) -> Vec<u32> {
 }
 
 /// For every pixel of `from`, rows first, whether `to` sees its ground, judged by comparing depths: for stored pairs, of which
-/// the terrain is not at hand. Where it is, [`crate::covisibility::correspondence`] casts rays instead.
+/// the terrain is not at hand. Where it is, `covisibility::correspondence` casts rays instead.
 pub fn sights(from: Sighted<'_>, to: Sighted<'_>) -> Vec<Sight> {
     let carrier = Carrier::new(from, to);
     let sight = |(idx, point): (usize, Vector3<f64>)| {

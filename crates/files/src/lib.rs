@@ -2,7 +2,7 @@
 //!
 //! | what | for |
 //! | --- | --- |
-//! | [`write`], [`FileDraft`] | a file: written beside its place, renamed into it |
+//! | [`write()`], [`FileDraft`] | a file: written beside its place, renamed into it |
 //! | [`FolderDraft`] | a folder that appears when it is complete |
 //! | [`HeldFolder`] | a folder that is filled bit by bit, and gone on with after a kill |
 //! | [`FileTarget`] | the file that a command is asked for |

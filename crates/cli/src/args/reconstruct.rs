@@ -42,7 +42,7 @@ pub struct Reconstruct {
     /// What the products look like.
     #[command(flatten)]
     pub products: ProductChoice,
-    /// Matches of any matcher in place of features: CSV of a_x,a_y,b_x,b_y[,score] in pixels (methods stereo and sift)
+    /// Matches of any matcher in place of features: CSV of a_x,a_y,b_x,b_y and perhaps score, in pixels (methods stereo and sift)
     #[arg(long, value_name = "FILE")]
     pub matches: Option<PathBuf>,
     /// Where those matches count pixels from: the corner, or the first pixel's centre (OpenCV and most matchers)

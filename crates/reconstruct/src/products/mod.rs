@@ -162,7 +162,7 @@ pub struct HazardSummary {
 ///
 /// # Errors
 /// [`Error::TooFewPoints`] for a prediction without a surface, and those of [`grid::grid`], [`hazard::hazard`] and
-/// [`cloud::gather`].
+/// gathering the cloud.
 pub fn make(input: &ProductInput, options: &ProductOptions) -> Result<Products, Error> {
     let (dem, lifted) = grid::grid(input.prediction, input.placement, &options.grid)?;
     let pictures = input.views.map(|view| &view.image);

@@ -145,7 +145,7 @@ fn front_page(
         fixed(50.0 * (found.products.measured[0] + found.products.measured[1]), 0)
     ));
     let terrain = Map::read(&folder.join("reconstruction/dem.tif"))?;
-    page.figures(&[terrain.hillshade("The ground as found", "Black: no data.")?, terrain.colored_heights()?]);
+    page.figures(&[terrain.hillshade("The ground as found", "Grey: no data.")?, terrain.colored_heights()?]);
     page.links([(
         "reconstruction/report.html",
         "all of it: pose, heights and their sigma, slopes, hazards, points to turn",
