@@ -137,12 +137,11 @@ fn one_line(text: &str) -> String {
 
 /// The system's reason, where there is one.
 pub fn io_kind(error: &anyhow::Error) -> Option<ErrorKind> {
-    error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>()).map(std::io::Error::kind)
+    io_error(error).map(std::io::Error::kind)
 }
 
-fn is_of_the_system(error: &anyhow::Error) -> bool {
-    let errors = error.chain().filter_map(|cause| cause.downcast_ref::<std::io::Error>());
-    errors.take(1).any(|error| error.raw_os_error().is_some())
+fn io_error(error: &anyhow::Error) -> Option<&std::io::Error> {
+    error.chain().find_map(|cause| cause.downcast_ref())
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
@@ -165,7 +164,9 @@ fn code(error: &anyhow::Error) -> u8 {
             | ErrorKind::UnexpectedEof,
         ) => WRONG_INPUT,
         // Of a reader that will not hold it; a system that will not write it says the same, and has a number for it.
-        Some(ErrorKind::FileTooLarge) if !is_of_the_system(error) => WRONG_INPUT,
+        Some(ErrorKind::FileTooLarge) if io_error(error).is_some_and(|e| e.raw_os_error().is_none()) => {
+            WRONG_INPUT
+        }
         Some(_) => UNEXPECTED,
         None => WRONG_INPUT,
     }

@@ -166,7 +166,7 @@ impl Stage {
 pub struct Input<'a> {
     /// Both pictures with their cameras.
     pub views: [&'a View; 2],
-    /// What a network, or any matcher, says of them: for the methods that need it.
+    /// What a network says of them: for the methods that need it.
     pub learned: Option<&'a LearnedInput>,
     /// Matches of any matcher in place of features, for the methods `sift` and `stereo`.
     pub matches: Option<&'a GivenMatches>,
