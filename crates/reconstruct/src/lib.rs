@@ -11,6 +11,7 @@ mod error;
 pub mod evidence;
 pub mod exif;
 pub mod features;
+mod field;
 pub mod frames;
 pub mod grid;
 pub mod hazard;

@@ -4,7 +4,7 @@ pub mod frame;
 pub mod lift;
 pub mod mesh;
 pub mod plane;
-mod rasterise;
+pub(crate) mod rasterise;
 pub mod wkt;
 
 use crate::Error;

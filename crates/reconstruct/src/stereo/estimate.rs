@@ -1,6 +1,5 @@
 //! Coarse to fine: both surfaces side by side, each seeing what the other hides.
 
-use super::filter;
 use super::level::{self, ViewLevel};
 use super::options::StereoOptions;
 use super::seeds::{self, Anchors, Plane, SeedPoint};
@@ -8,6 +7,7 @@ use super::solver::Solver;
 use super::term::{self, Term};
 use super::warp::{self, Motion};
 use crate::View;
+use crate::field::filter;
 use rayon::prelude::*;
 use selenograph_geometry::{CamA, CamB, Rigid3, pixel};
 use selenograph_raster::Raster;

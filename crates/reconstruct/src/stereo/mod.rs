@@ -10,13 +10,12 @@
 //! Bruhn, Weickert & Schnörr 2005, "Lucas/Kanade meets Horn/Schunck", IJCV 61(3); the second-order prior in the sense of
 //! Trobin et al. 2008, "An unbiased second-order prior for high-accuracy motion estimation", DAGM.
 
-mod estimate;
-mod filter;
-mod level;
+pub(crate) mod estimate;
+pub(crate) mod level;
 mod options;
 mod outcome;
 mod seeds;
-mod solver;
+pub(crate) mod solver;
 mod term;
 mod warp;
 

@@ -2,7 +2,8 @@
 
 use super::estimate::{self, Estimate, Surface};
 use super::options::{Completion, StereoOptions};
-use super::{filter, term, warp};
+use super::{term, warp};
+use crate::field::filter;
 use crate::{Fill, PredictedView, View};
 use rayon::prelude::*;
 use selenograph_geometry::{CamA, CamB, Point2, Point3, Rigid3, pixel};

@@ -1,9 +1,9 @@
 //! The data term: locally normalised grey levels, so that neither gain nor offset of a picture matters.
 
-use super::filter::gaussian;
 use super::level::ViewLevel;
 use super::options::StereoOptions;
 use super::warp::Warped;
+use crate::field::filter::gaussian;
 use rayon::prelude::*;
 use selenograph_raster::Raster;
 

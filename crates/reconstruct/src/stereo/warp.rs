@@ -1,7 +1,7 @@
 //! From a pixel and its inverse depth into the other view, and the other picture brought here.
 
-use super::filter::{self, ROWS_PER_TASK};
 use super::level::{LevelCamera, ViewLevel};
+use crate::field::filter::{self, ROWS_PER_TASK};
 use rayon::prelude::*;
 use selenograph_geometry::{Frame, Rigid3, pixel};
 use selenograph_raster::Raster;

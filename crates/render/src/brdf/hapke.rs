@@ -1,6 +1,6 @@
 //! Hapke's photometric model of 1993, 2002 and 2012.
 
-use super::ParameterError;
+use super::{ParameterError, Slopes};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -173,6 +173,26 @@ impl Hapke {
             * (single + multiple)
             * coherent
             * rough.shadowing
+    }
+
+    /// By central differences: the rough surface's effective cosines are one formula in two cases over the azimuth, and what
+    /// differencing them in f64 loses ([`STEP`]³) is below what the law is known to.
+    pub(super) fn slopes(&self, mu0: f64, mu: f64, cos_phase: f64) -> Slopes {
+        /// Change of a cosine.
+        const STEP: f64 = 1e-5;
+        let difference =
+            |below: f64, above: f64, of: &dyn Fn(f64) -> f64| (of(above) - of(below)) / (above - below);
+        // One-sided at the ends, where a cosine has no further side.
+        let by = |at: f64, of: &dyn Fn(f64) -> f64| {
+            difference((at - STEP).max(0.5 * at), (at + STEP).min(1.0), of)
+        };
+        let (back, forth) = ((cos_phase - STEP).max(-1.0), (cos_phase + STEP).min(1.0));
+        Slopes {
+            value: self.radiance_factor(mu0, mu, cos_phase),
+            by_mu0: by(mu0, &|mu0| self.radiance_factor(mu0, mu, cos_phase)),
+            by_mu: by(mu, &|mu| self.radiance_factor(mu0, mu, cos_phase)),
+            by_phase_part: difference(back, forth, &|cos_phase| self.radiance_factor(mu0, mu, cos_phase)),
+        }
     }
 
     /// Effective cosines and shadowing of a surface of mean slope `theta_deg` (Hapke 1984, eqs. 40-59).

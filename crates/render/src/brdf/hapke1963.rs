@@ -1,7 +1,7 @@
 //! Hapke's first lunar law: closed form, no roughness; the law of the StereoLunar pictures.
 
-use super::ParameterError;
 use super::lanes::{DECAY_END, Lanes, asin_of_sqrt, decay};
+use super::{ParameterError, Slopes};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -58,14 +58,33 @@ impl Hapke1963 {
         self.b0 * (1.0 - tan_g / (2.0 * self.h) * (2.0 + gap) * gap)
     }
 
-    pub(super) fn radiance_factor(&self, mu0: f64, mu: f64, cos_phase: f64) -> f64 {
+    /// `(1 + B) P`.
+    pub(super) fn phase_part(&self, cos_phase: f64) -> f64 {
         let g = cos_phase.acos();
-        let gamma = (1.0 - self.w).sqrt();
-        let h_of = |x: f64| (1.0 + 2.0 * x) / (1.0 + 2.0 * gamma * x);
         let schoenberg = (g.sin() + (PI - g) * cos_phase) / PI;
         let p = 0.8 * PI * (schoenberg + FORWARD * (1.0 - cos_phase).powi(2));
-        let bracket = (1.0 + self.opposition(g)) * p + h_of(mu0) * h_of(mu) - 1.0;
-        0.25 * self.w * mu0 / (mu0 + mu) * bracket
+        (1.0 + self.opposition(g)) * p
+    }
+
+    /// `phase_part` is `(1 + B) P`.
+    #[inline(always)]
+    pub(super) fn slopes(&self, mu0: f64, mu: f64, phase_part: f64) -> Slopes {
+        let two_gamma = 2.0 * (1.0 - self.w).sqrt();
+        // H and its derivative `2 (1 − γ) / (1 + 2γx)²`.
+        let h_of = |x: f64| {
+            let inverse = 1.0 / (1.0 + two_gamma * x);
+            ((1.0 + 2.0 * x) * inverse, (2.0 - two_gamma) * inverse * inverse)
+        };
+        let ((h0, h0_slope), (h, h_slope)) = (h_of(mu0), h_of(mu));
+        let bracket = phase_part + h0 * h - 1.0;
+        let inverse = 1.0 / (mu0 + mu);
+        let scale = 0.25 * self.w * inverse;
+        Slopes {
+            value: scale * mu0 * bracket,
+            by_mu0: scale * (mu * inverse * bracket + mu0 * h0_slope * h),
+            by_mu: scale * mu0 * (h0 * h_slope - inverse * bracket),
+            by_phase_part: scale * mu0,
+        }
     }
 
     pub(super) fn prepared(&self) -> Prepared {

@@ -1,5 +1,6 @@
 //! Lambert's law: equally bright from every side.
 
+use super::Slopes;
 use super::lanes::Lanes;
 
 /// Radiance factor of a white Lambert surface: `μ0`.
@@ -8,8 +9,8 @@ use super::lanes::Lanes;
 /// Lambert 1760, "Photometria"; in this form Hapke 2012, "Theory of Reflectance and Emittance Spectroscopy",
 /// eq. 8.13.
 #[inline(always)]
-pub fn radiance_factor(mu0: f64) -> f64 {
-    mu0
+pub(super) fn slopes(mu0: f64) -> Slopes {
+    Slopes { value: mu0, by_mu0: 1.0, by_mu: 0.0, by_phase_part: 0.0 }
 }
 
 /// The same in lanes.

@@ -1,7 +1,7 @@
 //! McEwen's lunar-Lambert law: a mixture of Lommel-Seeliger and Lambert whose share depends on the phase angle.
 
-use super::ParameterError;
 use super::lanes::{Lanes, asin_of_sqrt, polynomial};
+use super::{ParameterError, Slopes};
 use serde::{Deserialize, Serialize};
 
 /// McEwen's cubic for the Moon, phase angle in degrees.
@@ -38,16 +38,28 @@ impl LunarLambert {
         }
     }
 
-    pub(super) fn radiance_factor(&self, mu0: f64, mu: f64, cos_phase: f64) -> f64 {
-        let l = match self.share {
+    /// The lunar share at a phase angle.
+    pub(super) fn phase_part(&self, cos_phase: f64) -> f64 {
+        match self.share {
             LunarShare::Constant(l) => l,
             LunarShare::McEwen1996 => {
                 let g_deg = cos_phase.acos().to_degrees();
                 let [a, b, c, d] = MCEWEN_1996;
                 (a + g_deg * (b + g_deg * (c + g_deg * d))).clamp(0.0, 1.0)
             }
-        };
-        2.0 * l * mu0 / (mu0 + mu) + (1.0 - l) * mu0
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn slopes(mu0: f64, mu: f64, l: f64) -> Slopes {
+        let inverse = 1.0 / (mu0 + mu);
+        let lunar = 2.0 * l * inverse;
+        Slopes {
+            value: lunar * mu0 + (1.0 - l) * mu0,
+            by_mu0: lunar * mu * inverse + (1.0 - l),
+            by_mu: -lunar * mu0 * inverse,
+            by_phase_part: 2.0 * mu0 * inverse - mu0,
+        }
     }
 
     pub(super) fn prepared(&self) -> Prepared {

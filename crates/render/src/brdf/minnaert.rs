@@ -1,7 +1,7 @@
 //! Minnaert's law: one exponent for limb darkening, obeying reciprocity.
 
-use super::ParameterError;
 use super::lanes::{Lanes, POWER_BITS, power};
+use super::{ParameterError, Slopes};
 use serde::{Deserialize, Serialize};
 
 /// Minnaert's law `μ0^k μ^(k−1)`: `k = 1` is Lambert's, `k = 0.5` is near the full Moon. It grows without bound
@@ -21,8 +21,9 @@ impl Minnaert {
         ParameterError::within("minnaert", "k", self.k, 0.0, 2.0)
     }
 
-    pub(super) fn radiance_factor(&self, mu0: f64, mu: f64) -> f64 {
-        (mu0 * mu).powf(self.k) / mu
+    pub(super) fn slopes(&self, mu0: f64, mu: f64) -> Slopes {
+        let value = (mu0 * mu).powf(self.k) / mu;
+        Slopes { value, by_mu0: self.k * value / mu0, by_mu: (self.k - 1.0) * value / mu, by_phase_part: 0.0 }
     }
 
     pub(super) fn prepared(&self) -> Prepared {

@@ -72,16 +72,39 @@ impl Brdf {
         if !(mu0 > 0.0 && mu > 0.0) {
             return 0.0;
         }
-        let cos_phase = cos_phase.clamp(-1.0, 1.0);
         let factor = match self {
-            Self::Lambert => lambert::radiance_factor(mu0),
-            Self::LommelSeeliger => lommel_seeliger::radiance_factor(mu0, mu),
-            Self::LunarLambert(law) => law.radiance_factor(mu0, mu, cos_phase),
-            Self::Minnaert(law) => law.radiance_factor(mu0, mu),
-            Self::Hapke1963(law) => law.radiance_factor(mu0, mu, cos_phase),
-            Self::Hapke(law) => law.radiance_factor(mu0, mu, cos_phase),
+            Self::Hapke(law) => law.radiance_factor(mu0, mu, cos_phase.clamp(-1.0, 1.0)),
+            _ => self.slopes(mu0, mu, self.phase_part(cos_phase)).value,
         };
         albedo_scale * factor
+    }
+
+    /// What a law needs to know of the phase angle, as one number: for [`Self::slopes`]. It is smooth, so that a table of it
+    /// serves a whole picture.
+    pub fn phase_part(&self, cos_phase: f64) -> f64 {
+        let cos_phase = cos_phase.clamp(-1.0, 1.0);
+        match self {
+            Self::Lambert | Self::LommelSeeliger | Self::Minnaert(_) => 0.0,
+            Self::LunarLambert(law) => law.phase_part(cos_phase),
+            Self::Hapke1963(law) => law.phase_part(cos_phase),
+            Self::Hapke(_) => cos_phase,
+        }
+    }
+
+    /// Radiance factor and how it changes with the angles.
+    ///
+    /// # Shapes and units
+    /// `mu0` and `mu` in `(0, 1]`: the caller holds them above 0.
+    #[inline(always)]
+    pub fn slopes(&self, mu0: f64, mu: f64, phase_part: f64) -> Slopes {
+        match self {
+            Self::Lambert => lambert::slopes(mu0),
+            Self::LommelSeeliger => lommel_seeliger::slopes(mu0, mu),
+            Self::LunarLambert(_) => LunarLambert::slopes(mu0, mu, phase_part),
+            Self::Minnaert(law) => law.slopes(mu0, mu),
+            Self::Hapke1963(law) => law.slopes(mu0, mu, phase_part),
+            Self::Hapke(law) => law.slopes(mu0, mu, phase_part),
+        }
     }
 
     /// The fast form, with everything worked out that does not depend on the angles.
@@ -95,6 +118,19 @@ impl Brdf {
             Self::Hapke(law) => Prepared::Hapke(hapke_fast::Prepared::new(law)),
         }
     }
+}
+
+/// A radiance factor and its derivatives by the cosines of incidence and emission.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slopes {
+    /// Radiance factor `I/F`, without albedo scale.
+    pub value: f64,
+    /// Its derivative by cos i.
+    pub by_mu0: f64,
+    /// Its derivative by cos e.
+    pub by_mu: f64,
+    /// Its derivative by the phase part ([`Brdf::phase_part`]).
+    pub by_phase_part: f64,
 }
 
 /// The angles of the fast form.

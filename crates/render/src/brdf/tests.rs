@@ -75,6 +75,35 @@ fn fast_form_agrees_with_the_reference() {
 }
 
 #[test]
+fn derivatives_are_those_of_the_law() {
+    // A central difference of step 1e-4 leaves its third derivative times 1e-8, and rounding 1e-16 / 1e-4.
+    let (step, tolerance) = (1e-4, 1e-5);
+    for law in laws() {
+        for (i, e, psi) in [(20.0, 10.0, 30.0), (60.0, 25.0, 140.0), (80.0, 5.0, 90.0), (30.0, 55.0, 170.0)] {
+            let (mu0, mu, x) = geometry(i, e, psi);
+            let cos_phase = 1.0 - 2.0 * x;
+            let found = law.slopes(mu0, mu, law.phase_part(cos_phase));
+            let at = |mu0: f64, mu: f64| law.radiance_factor(mu0, mu, cos_phase, 1.0);
+            assert_eq!(found.value, at(mu0, mu), "{law:?}");
+            let by_mu0 = (at(mu0 + step, mu) - at(mu0 - step, mu)) / (2.0 * step);
+            let by_mu = (at(mu0, mu + step) - at(mu0, mu - step)) / (2.0 * step);
+            let scale = found.value + by_mu0.abs() + by_mu.abs();
+            let part = |step: f64| law.phase_part(cos_phase + step);
+            let by_phase = (law.radiance_factor(mu0, mu, cos_phase + step, 1.0)
+                - law.radiance_factor(mu0, mu, cos_phase - step, 1.0))
+                / (part(step) - part(-step));
+            // Laws that do not know the phase angle: 0 by 0.
+            if by_phase.is_finite() {
+                let error = (found.by_phase_part - by_phase).abs();
+                assert!(error < tolerance * by_phase.abs().max(scale), "{law:?}: {found:?}, {by_phase}");
+            }
+            assert!((found.by_mu0 - by_mu0).abs() < tolerance * scale, "{law:?}: {found:?}, {by_mu0}");
+            assert!((found.by_mu - by_mu).abs() < tolerance * scale, "{law:?}: {found:?}, {by_mu}");
+        }
+    }
+}
+
+#[test]
 fn nothing_is_reflected_from_or_to_below_the_surface() {
     for law in laws() {
         for (mu0, mu) in [(0.0, 0.5), (0.5, 0.0), (-0.2, 0.5), (0.5, -0.2), (f64::NAN, 0.5), (0.0, 0.0)] {
