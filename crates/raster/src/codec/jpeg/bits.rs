@@ -80,12 +80,19 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// A value behind its size.
-    pub(super) fn skip_value(&mut self, table: Option<&Table>) -> Result<(), String> {
+    /// A number behind the code of its size.
+    pub(super) fn value(&mut self, table: Option<&Table>) -> Result<i64, String> {
         match self.symbol(table)? {
-            size @ 0..=16 => self.take(size.into()).map(drop),
+            size @ 0..=16 => self.signed(size.into()),
             _ => Err("a value of more than 16 bits".to_owned()),
         }
+    }
+
+    /// A number of a known size: those that begin with a 0 are negative (T.81, F.2.2.1).
+    pub(super) fn signed(&mut self, size: u32) -> Result<i64, String> {
+        let bits = i64::from(self.take(size)?);
+        let is_negative = size > 0 && bits >> (size - 1) == 0;
+        Ok(if is_negative { bits - (1 << size) + 1 } else { bits })
     }
 
     /// Takes the restart marker of a number from 0 to 7.
