@@ -113,6 +113,8 @@ def category_names(path):
     gdal.GDALAllRegister()
     dataset = gdal.GDALOpen(str(path).encode(), 0)
     band = gdal.GDALGetRasterBand(ctypes.c_void_p(dataset), 1)
+    # GDAL reads the file beside a GeoTIFF only when it is asked for metadata, as everybody does.
+    gdal.GDALGetMetadata(ctypes.c_void_p(band), None)
     names, found = gdal.GDALGetRasterCategoryNames(ctypes.c_void_p(band)), []
     while names and names[len(found)] is not None:
         found.append(names[len(found)].decode())

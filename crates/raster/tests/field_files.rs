@@ -8,7 +8,7 @@ use selenograph_raster::Error;
 use selenograph_raster::codec::picture::{GreyUnit, PictureFile, read_picture};
 use selenograph_raster::dem::{DemReader, OpenOptions};
 use std::path::{Path, PathBuf};
-use support::{SOUTH_KEYS, TinyTiff, Values, geo_keys, transform};
+use support::{OLD_LZW, SOUTH_KEYS, TinyTiff, Values, geo_keys, transform};
 use tempfile::TempDir;
 
 const R: f64 = 1_737_400.0;

@@ -1,5 +1,7 @@
 //! The bits of a JPEG's scans, and its tables of codes.
 
+use super::entropy::TOO_MANY;
+
 const EARLY: &str = "the coded samples end before the picture does";
 
 /// A table of Huffman codes: for the next 16 bits the length of the code and its symbol; length 0 where there is none.
@@ -119,7 +121,7 @@ impl<'a> Bits<'a> {
                 0 => return Ok(self.at),
                 _ => match self.take(8)? {
                     0 | 0xFF => {}
-                    _ => return Err("more coded samples than the picture has".to_owned()),
+                    _ => return Err(TOO_MANY.to_owned()),
                 },
             }
         }

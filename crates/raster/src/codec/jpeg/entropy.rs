@@ -14,6 +14,7 @@ use super::scan::{Codes, Scan, sequential_block};
 
 const START_OF_SCAN: u8 = 0xDA;
 const END_OF_IMAGE: u8 = 0xD9;
+pub(super) const TOO_MANY: &str = "more coded samples than the picture has";
 pub(super) const CUT: &str = "the file ends before the picture does";
 
 /// What tables and frame there are so far.
@@ -59,6 +60,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<(), String> {
                 let mut bits = Bits::new(bytes, at);
                 state.walk(body, &mut bits)?;
                 at = bits.end()?;
+                if let Some([0xFF, 0xD0..=0xD7, next, ..]) = bytes.get(at..)
+                    && (*next != 0xFF || bytes.get(at + 3) == Some(&0))
+                {
+                    return Err(TOO_MANY.to_owned());
+                }
             }
             _ => {}
         }
