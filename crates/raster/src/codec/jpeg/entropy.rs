@@ -117,8 +117,8 @@ impl State {
         let mut end_run = 0;
         for unit in 0..across * down {
             if self.restart_interval > 0 && unit > 0 && unit % self.restart_interval == 0 {
+                ended(end_run)?;
                 bits.restart((unit / self.restart_interval - 1) % 8)?;
-                end_run = 0;
                 frame.components.iter_mut().for_each(|component| component.level = 0);
             }
             let (x, y) = (unit % across, unit / across);
@@ -143,6 +143,11 @@ impl State {
                 }
             }
         }
-        Ok(())
+        ended(end_run)
     }
+}
+
+/// A run of blocks that are at their end ends with the blocks there are.
+fn ended(end_run: u32) -> Result<(), String> {
+    if end_run == 0 { Ok(()) } else { Err(TOO_MANY.to_owned()) }
 }
