@@ -142,17 +142,17 @@ mod tests {
     }
 
     /// Bytes that are missing inside the scans leave codes that mean something else. What then fits the picture by chance, block for
-    /// block, is a picture to every decoder; the shares are those that do not fit.
+    /// block, is a picture to every decoder; the shares that do not fit are those measured, rounded down.
     #[test]
     fn bytes_missing_inside_the_scans_are_refused_where_they_can_be_told() {
         let origin = Path::new("memory");
         for (name, bytes, num_missing, least_share) in [
-            ("sequential", sequential(), 1, 0.2),
-            ("sequential", sequential(), 24, 0.85),
-            ("progressive", progressive(0), 1, 0.2),
-            ("progressive", progressive(0), 24, 0.5),
-            ("progressive with restarts", progressive(3), 1, 0.2),
-            ("progressive with restarts", progressive(3), 24, 0.5),
+            ("sequential", sequential(), 1, 0.58),
+            ("sequential", sequential(), 24, 0.86),
+            ("progressive", progressive(0), 1, 0.72),
+            ("progressive", progressive(0), 24, 0.99),
+            ("progressive with restarts", progressive(3), 1, 0.81),
+            ("progressive with restarts", progressive(3), 24, 0.99),
         ] {
             let (mut num_refused, mut num_all) = (0, 0);
             for at in first_scan(&bytes)..bytes.len() - 2 - num_missing {
@@ -161,7 +161,6 @@ mod tests {
                 num_all += 1;
             }
             let share = num_refused as f64 / f64::from(num_all);
-            println!("{name}, {num_missing} missing: {num_refused} of {num_all} refused");
             assert!(
                 share >= least_share,
                 "{name}, {num_missing} missing: {num_refused} of {num_all} refused"
