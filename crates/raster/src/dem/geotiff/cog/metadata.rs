@@ -7,9 +7,10 @@ fn escaped(text: &str) -> String {
 }
 
 /// Names and units of the bands, and the names of the first one's classes, as GDAL's metadata tag.
+/// GDAL takes marks off twice, as XML and as texts of its own.
 pub(super) fn metadata_xml(bands: &[CogBand], classes: &[CogClass]) -> String {
     let item = |name: &str, idx: usize, role: &str, text: &str| {
-        format!("<Item name=\"{name}\" sample=\"{idx}\"{role}>{}</Item>", escaped(text))
+        format!("<Item name=\"{name}\" sample=\"{idx}\"{role}>{}</Item>", escaped(&escaped(text)))
     };
     let mut xml = "<GDALMetadata>".to_owned();
     for (idx, band) in bands.iter().enumerate() {

@@ -124,7 +124,7 @@ fn classes_have_colours_in_every_level_and_names() {
         assert!(bytes.windows(table.len()).any(|window| window == table));
     }
     let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
-    assert!(text.contains("<Item name=\"CLASS_3\" sample=\"0\">steep &amp; rough</Item>"), "{text}");
+    assert!(text.contains("<Item name=\"CLASS_3\" sample=\"0\">steep &amp;amp; rough</Item>"), "{text}");
     let names = category_names(&classes);
     let found: Vec<&str> = names
         .lines()
@@ -157,6 +157,8 @@ fn several_bands_and_a_number_for_absent() {
         let options = OpenOptions { band: Some(band), ..OpenOptions::default() };
         let mut dem = DemReader::open(&path, &options).unwrap();
         assert_eq!(dem.info().nodata, [-32_768.0]);
+        let names = ["height", "sigma & more"];
+        assert_eq!(dem.info().band_name.as_deref(), Some(names[band - 1]));
         assert!(same(&dem.read_all().unwrap(), expected));
     }
 }
