@@ -80,8 +80,8 @@ impl CogWriter {
                 found: format!("{width}×{height}, tiles of {side}, {} bands", options.bands.len()),
             });
         }
-        let is_bytes = matches!(options.samples, CogSamples::Byte { .. });
-        if !options.classes.is_empty() && !(is_bytes && options.bands.len() == 1) {
+        let holds_classes = matches!(options.samples, CogSamples::Byte { .. }) && options.bands.len() == 1;
+        if !holds_classes && !options.classes.is_empty() {
             return Err(Error::Encode {
                 format: "GeoTIFF",
                 what: "classes are the numbers of one band of bytes".to_owned(),
