@@ -136,7 +136,7 @@ fn shared_pairs_of_the_paper_are_learned_from() {
     ] {
         let source = Source::triplets("paper", &folder, None, convention).unwrap();
         let num_pairs = num_pairs(&folder);
-        assert_eq!(source.num_pairs(), num_pairs);
+        assert_eq!(source.num_pairs(), num_pairs as u64);
         let is_published = augmentation.fidelity == Fidelity::Published;
         let options = LoaderOptions {
             batch_size: num_pairs,
