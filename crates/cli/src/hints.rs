@@ -78,6 +78,12 @@ fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
         Error::UnknownProjection { .. } | Error::ProjectionParameter { .. } => some(
             "known are polar stereographic, equirectangular, geographic and orthographic maps of a sphere, for example `+proj=stere +lat_0=-90 +R=1737400`",
         ),
+        Error::OtherSphere { radius_m, beside_radius_m, .. } => {
+            let more_m = radius_m - beside_radius_m;
+            Some(format!(
+                "bring the first onto the sphere of the other: `gdalwarp -t_srs \"+proj=… +R={beside_radius_m}\" in.tif warped.tif` moves the map, `gdal_calc.py -A warped.tif --calc=\"A+({more_m})\" --outfile=out.tif` its heights (metres), which count from the sphere"
+            ))
+        }
         _ => None,
     }
 }
@@ -99,6 +105,7 @@ fn terrain(error: &selenograph_terrain::Error) -> Option<String> {
     use selenograph_terrain::Error;
     match error {
         Error::Raster(error) => raster(error),
+        Error::Geometry(error) => geometry(error),
         Error::Files(error) => files(error),
         Error::Io { source, .. } => io(source.kind()),
         _ => error.hint().map(str::to_owned),

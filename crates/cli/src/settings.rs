@@ -46,7 +46,7 @@ impl Layers {
     }
 
     fn add_file(&mut self, path: &Path) -> anyhow::Result<()> {
-        let text = selenograph_raster::file::read_to_string(path)
+        let text = selenograph_files::regular::read_to_string(path)
             .with_context(|| format!("cannot read campaign `{}`", path.display()))?;
         self.add_text(&text, &path.display().to_string())
     }

@@ -1,9 +1,8 @@
 //! BLAKE3 checksums, in records as 64 hexadecimal digits.
 
-use crate::Error;
+use crate::{Error, regular};
 pub use blake3::{Hash as Checksum, Hasher};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -22,12 +21,12 @@ pub fn of_reader(reader: impl Read) -> std::io::Result<Checksum> {
     Ok(hasher.finalize())
 }
 
-/// Of a file, read in pieces.
+/// Of a regular file, read in pieces.
 ///
 /// # Errors
 /// [`Error::Io`].
 pub fn of_file(path: &Path) -> Result<Checksum, Error> {
-    File::open(path).and_then(of_reader).map_err(Error::io("read", path))
+    regular::open(path).and_then(|(file, _)| of_reader(file)).map_err(Error::io("read", path))
 }
 
 /// Of files, by the path that they were named with.

@@ -1,4 +1,5 @@
-//! The one place that writes: files and folders that are whole or not there, nothing of the user's lost, what was run put on record.
+//! The one place that writes: files and folders that are whole or not there, nothing of the user's lost, what was run put on record;
+//! and the one door for files that are read.
 //!
 //! | what | for |
 //! | --- | --- |
@@ -9,6 +10,7 @@
 //! | [`FileKind`], [`FolderKind`] | how a command knows its own work again, before it replaces it |
 //! | [`record`] | `run.toml` |
 //! | [`checksum`] | BLAKE3 of files |
+//! | [`regular`] | files that are read: no folder, pipe or device |
 //!
 //! What is unfinished is called `.NAME.partial` beside its place, the folder that a finished one takes the place of `.NAME.replaced`, and a
 //! lock `.NAME.lock` (`.lock` inside a [`HeldFolder`]). The names are always the same, so that the next run finds what a killed one
@@ -25,6 +27,7 @@ mod leftovers;
 mod lock;
 mod names;
 pub mod record;
+pub mod regular;
 mod target;
 
 pub use draft::{FileDraft, write};

@@ -105,7 +105,7 @@ struct Common {
 /// # Errors
 /// [`Error::Io`]; [`Error::NoRecord`] for a file of something else.
 pub fn read(path: &Path) -> Result<ReadRecord, Error> {
-    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    let text = crate::regular::read_to_string(path).map_err(Error::io("read", path))?;
     let no_record = |what: String| Error::NoRecord { path: path.to_owned(), what };
     let table: Table =
         text.parse().map_err(|error: toml::de::Error| no_record(error.message().to_owned()))?;

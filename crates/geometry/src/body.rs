@@ -1,6 +1,6 @@
 //! A spherical body: latitude, longitude and height against its body-fixed frame, and the local horizon.
 
-use crate::{BodyFixed, Enu, Rigid3};
+use crate::{BodyFixed, Enu, Error, Rigid3};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +76,28 @@ impl Body {
         point.coords.norm() - self.radius_m
     }
 
+    /// Makes sure that what lies on this body may be put beside what lies on another one, both named as people know them:
+    /// heights count from the sphere, and those over a second radius are off by the difference.
+    ///
+    /// # Errors
+    /// [`Error::OtherSphere`] where the radii differ by more than rounding (a micrometre).
+    pub fn same_sphere(
+        &self,
+        what: impl std::fmt::Display,
+        other: &Self,
+        beside: impl std::fmt::Display,
+    ) -> Result<(), Error> {
+        if (self.radius_m - other.radius_m).abs() <= 1e-6 {
+            return Ok(());
+        }
+        Err(Error::OtherSphere {
+            what: what.to_string(),
+            radius_m: self.radius_m,
+            beside: beside.to_string(),
+            beside_radius_m: other.radius_m,
+        })
+    }
+
     /// The local vertical at a place.
     pub fn up(&self, place: &Geodetic) -> Vector3<f64> {
         let (sin_lat, cos_lat) = place.lat_rad.sin_cos();
@@ -110,6 +132,15 @@ impl Body {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_second_radius_is_no_sphere_of_the_same_heights() {
+        let old = Body::sphere("Moon", 1_738_000.0, "moon_me");
+        let error = old.same_sphere("`a.tif`", &Body::moon(), "`b.tif`").unwrap_err();
+        let says = "`a.tif` lies on a sphere of 1738000 m, `b.tif` on one of 1737400 m";
+        assert_eq!(error.to_string(), says);
+        assert!(Body::moon().same_sphere("`a.tif`", &Body::moon(), "`b.tif`").is_ok());
+    }
 
     #[test]
     fn place_and_point_are_inverse() {

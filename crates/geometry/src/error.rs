@@ -32,6 +32,18 @@ pub enum Error {
         /// How it fails (determinant, orthonormality residual).
         what: String,
     },
+    /// Two maps on different spheres, where heights or places of one are to be put beside those of the other.
+    #[error("{what} lies on a sphere of {radius_m} m, {beside} on one of {beside_radius_m} m")]
+    OtherSphere {
+        /// One of them, for people.
+        what: String,
+        /// Radius of its sphere.
+        radius_m: f64,
+        /// The other one, for people.
+        beside: String,
+        /// Radius of the other one's sphere.
+        beside_radius_m: f64,
+    },
     /// A scale that no similarity has.
     #[error("a similarity's scale must be positive and finite, found {scale}")]
     Scale {

@@ -2,7 +2,7 @@
 
 use selenograph_geometry::proj_string;
 use selenograph_raster::dem::cog::{
-    self, ByteOverviews, CogBand, CogOptions, CogPlace, CogSamples, CogWriter,
+    self, ByteOverviews, CogBand, CogClass, CogOptions, CogPlace, CogSamples, CogWriter,
 };
 use selenograph_raster::{Affine, Raster};
 use std::path::PathBuf;
@@ -42,11 +42,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let place = map("IAU_2015:30135", 22_010.0, -12_010.0, 5.0)?;
     let classes = raster.map(|h| if h.is_nan() { 255 } else { (h.abs() as u32 % 4) as u8 });
-    let options = CogOptions::classes("hazard", 255, ByteOverviews::Mode);
+    let meanings: Vec<CogClass> =
+        [("flat", [0, 158, 115]), ("steep", [213, 94, 0]), ("a & b", [240, 228, 66])]
+            .into_iter()
+            .zip(0u8..)
+            .map(|((name, color), number)| CogClass { number, name: name.to_owned(), color })
+            .collect();
+    std::fs::write(dir.join("classes.tif.aux.xml"), cog::category_names(&meanings))?;
+    let options = CogOptions::classes("hazard", 255, ByteOverviews::Mode, meanings);
     cog::write_classes(&dir.join("classes.tif"), &classes, &place, options)?;
     let bands = vec![CogBand::new("height", "m"), CogBand::new("sigma", "m")];
     let samples = CogSamples::Float32 { nodata: Some(-32_768.0) };
-    let options = CogOptions { tile_side: 256, samples, bands };
+    let options = CogOptions { tile_side: 256, samples, bands, classes: vec![] };
     let mut writer = CogWriter::create(&dir.join("two_bands.tif"), WIDTH, HEIGHT, &place, options)?;
     for row in raster.rows() {
         writer.write_rows(&row.iter().flat_map(|h| [*h, h * 0.5]).collect::<Vec<f32>>())?;

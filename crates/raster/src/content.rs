@@ -1,6 +1,7 @@
 //! What a file is, from its first bytes: names tell nothing.
 
-use crate::{Error, file};
+use crate::Error;
+use selenograph_files::regular;
 use std::io::Read as _;
 use std::path::Path;
 
@@ -52,7 +53,7 @@ impl Content {
 /// [`Error::Io`].
 pub(crate) fn content_of(path: &Path) -> Result<Content, Error> {
     let mut head = Vec::new();
-    let (file, _) = file::open(path).map_err(Error::io("open", path))?;
+    let (file, _) = regular::open(path).map_err(Error::io("open", path))?;
     file.take(SNIFF_BYTES).read_to_end(&mut head).map_err(Error::io("read", path))?;
     Ok(match head.as_slice() {
         [] => Content::Named("an empty file"),

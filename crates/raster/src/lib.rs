@@ -4,13 +4,13 @@
 //! the codecs.
 #![forbid(unsafe_code)]
 
+mod beside;
 mod bounds;
 pub mod codec;
 pub mod colormap;
 mod content;
 pub mod dem;
 pub mod error;
-pub mod file;
 pub mod georef;
 pub mod gradient;
 pub mod resample;

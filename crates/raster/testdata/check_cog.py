@@ -3,9 +3,10 @@
 
 usage: check_cog.py DIR        (pip install numpy rasterio rio-cogeo)
 
-Values, transform, coordinate system, overviews, no-data, band names; the COG rules by `rio cogeo`; and the margins of every tile
+Values, transform, coordinate system, overviews, no-data, names of bands and classes, colours; the COG rules by `rio cogeo`; and the margins of every tile
 (its size before it, its last four bytes again behind it), which GDAL's own validator looks at too.
 """
+import ctypes
 import struct
 import sys
 from pathlib import Path
@@ -102,6 +103,39 @@ def check_overviews(path, expected):
             np.testing.assert_array_equal(f.read(1), expected)
 
 
+def category_names(path):
+    """As GDAL tells them to QGIS; rasterio has no call for it, but comes with GDAL's library."""
+    folders = [Path(rasterio.__file__).parent.parent / "rasterio.libs", Path(rasterio.__file__).parent]
+    gdal = ctypes.CDLL(str(next(f for folder in folders for f in folder.glob("libgdal*"))))
+    for name in ("GDALOpen", "GDALGetRasterBand"):
+        getattr(gdal, name).restype = ctypes.c_void_p
+    gdal.GDALGetRasterCategoryNames.restype = ctypes.POINTER(ctypes.c_char_p)
+    gdal.GDALAllRegister()
+    dataset = gdal.GDALOpen(str(path).encode(), 0)
+    band = gdal.GDALGetRasterBand(ctypes.c_void_p(dataset), 1)
+    # GDAL reads the file beside a GeoTIFF only when it is asked for metadata, as everybody does.
+    gdal.GDALGetMetadata(ctypes.c_void_p(band), None)
+    names, found = gdal.GDALGetRasterCategoryNames(ctypes.c_void_p(band)), []
+    while names and names[len(found)] is not None:
+        found.append(names[len(found)].decode())
+    return found
+
+
+def check_classes(path, classes):
+    """Colours in every level, names in the file itself and in the one beside it."""
+    for level in (None, 0, 1):
+        with rasterio.open(path, **({} if level is None else {"overview_level": level})) as f:
+            assert f.colorinterp[0].name == "palette", f.colorinterp
+            colours = f.colormap(1)
+            for number, (_, colour) in classes.items():
+                assert colours[number][:3] == colour, (level, number, colours[number])
+    with rasterio.open(path) as f:
+        tags = f.tags(1)
+    names = category_names(path)
+    for number, (name, _) in classes.items():
+        assert tags[f"CLASS_{number}"] == name and names[number] == name, (tags, names)
+
+
 def main():
     folder = Path(sys.argv[1])
     h = truth()
@@ -120,6 +154,8 @@ def main():
             assert f.crs is not None and "Selenograph local grid" in f.crs.to_wkt(), f.crs
     classes = np.where(np.isnan(h), 255.0, np.floor(np.abs(h)) % 4)
     check(folder / "classes.tif", None, south, [("hazard", "", classes)], 255)
+    meanings = {0: ("flat", (0, 158, 115)), 1: ("steep", (213, 94, 0)), 2: ("a & b", (240, 228, 66))}
+    check_classes(folder / "classes.tif", meanings)
     two = [("height", "m", h), ("sigma", "m", h * np.float32(0.5))]
     check(folder / "two_bands.tif", None, south, two, -32768, [2, 4, 8])
     print("all as it should be")

@@ -8,7 +8,7 @@ use selenograph_raster::Error;
 use selenograph_raster::codec::picture::{GreyUnit, PictureFile, read_picture};
 use selenograph_raster::dem::{DemReader, OpenOptions};
 use std::path::{Path, PathBuf};
-use support::{SOUTH_KEYS, TinyTiff, Values, geo_keys, transform};
+use support::{OLD_LZW, SOUTH_KEYS, TinyTiff, Values, geo_keys, transform};
 use tempfile::TempDir;
 
 const R: f64 = 1_737_400.0;
@@ -319,6 +319,23 @@ fn bits_the_other_way_round() {
 }
 
 #[test]
+fn lzw_of_before_1993_is_told_by_its_streams() {
+    let (_dir, path) = folder();
+    // 1200 codes: of 9, 10 and 11 bits.
+    let expected: Vec<f32> = (0..1200).map(|i| ((i * i / 7) % 256) as f32).collect();
+    for (compression, name) in [(OLD_LZW, "LZW of before 1993"), (5, "LZW")] {
+        let mut tiff = TinyTiff::new("u8", 40, 30, |_, x, y| f64::from(expected[40 * y + x]));
+        for chunk in [(0, 30), (16, 16)] {
+            (tiff.compression, tiff.chunk) = (compression, chunk);
+            tiff.write(&path);
+            let storage = DemReader::open(&path, &OpenOptions::default()).unwrap().info().storage.clone();
+            assert!(storage.split(", ").any(|part| part == name), "{storage}");
+            assert_eq!(heights(&path), expected, "{storage}");
+        }
+    }
+}
+
+#[test]
 fn tiles_under_the_tags_of_strips() {
     let (_dir, path) = folder();
     let mut tiff = TinyTiff::new("f32", 20, 20, |_, x, y| (x + 20 * y) as f64);
@@ -329,8 +346,17 @@ fn tiles_under_the_tags_of_strips() {
         let at = bytes.windows(4).rposition(|w| w[..2] == tiles.to_le_bytes() && w[2..] == [4, 0]).unwrap();
         bytes[at..at + 2].copy_from_slice(&strips.to_le_bytes());
     }
-    std::fs::write(&path, bytes).unwrap();
+    std::fs::write(&path, &bytes).unwrap();
     assert_eq!(heights(&path), (0..400).map(|v| v as f32).collect::<Vec<_>>());
+    let storage = DemReader::open(&path, &OpenOptions::default()).unwrap().info().storage.clone();
+    assert!(storage.contains("tiles 16×16 under the tags of strips"), "{storage}");
+    // One size too few.
+    let at = bytes.windows(4).rposition(|w| w[..2] == 279u16.to_le_bytes() && w[2..] == [4, 0]).unwrap();
+    bytes[at + 4..at + 8].copy_from_slice(&3u32.to_le_bytes());
+    std::fs::write(&path, bytes).unwrap();
+    let error = DemReader::open(&path, &OpenOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("table of tiles under the tags of strips"), "{error}");
+    assert!(error.contains("4 offsets and 3 sizes"), "{error}");
 }
 
 #[test]

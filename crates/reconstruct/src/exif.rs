@@ -43,7 +43,7 @@ pub struct ToldFocal {
 /// # Errors
 /// [`Error::Io`] if the file cannot be opened.
 pub fn read(path: &Path) -> Result<Option<Exif>, Error> {
-    let (file, length) = selenograph_raster::file::open(path).map_err(Error::io("read", path))?;
+    let (file, length) = selenograph_files::regular::open(path).map_err(Error::io("read", path))?;
     let mut reader = std::io::BufReader::new(file);
     let is_tiff = |start: &[u8]| start.starts_with(b"II") || start.starts_with(b"MM");
     let start = std::io::BufRead::fill_buf(&mut reader).map_err(Error::io("read", path))?;

@@ -41,6 +41,32 @@ pub enum Hazard {
 }
 
 impl Hazard {
+    /// In the order of a legend.
+    pub const ALL: [Self; 5] = [Self::Safe, Self::Slope, Self::Roughness, Self::Both, Self::Unknown];
+
+    /// What it is, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Safe => "safe",
+            Self::Unknown => "cannot be told",
+            Self::Roughness => "too rough",
+            Self::Slope => "too steep",
+            Self::Both => "too steep and too rough",
+        }
+    }
+
+    /// A colour, 8 bits a channel, that the colour-blind can tell from the others (Okabe and Ito 2008, "Color universal
+    /// design", but for the last two).
+    pub fn color(self) -> [u8; 3] {
+        match self {
+            Self::Safe => [0, 158, 115],
+            Self::Slope => [213, 94, 0],
+            Self::Roughness => [240, 228, 66],
+            Self::Both => [110, 20, 90],
+            Self::Unknown => [170, 178, 190],
+        }
+    }
+
     /// The number in files, the larger the worse; 0 is left for cells without a height.
     pub fn code(self) -> u8 {
         match self {
@@ -271,6 +297,7 @@ mod tests {
     use crate::prediction::Fill;
     use selenograph_geometry::{Rigid3, Sim3};
     use selenograph_raster::Affine;
+    use std::collections::BTreeSet;
 
     fn dem(cell: f64, sigma: f32, height: impl FnMut(usize, usize) -> f32) -> Dem {
         let heights = Raster::from_fn(40, 30, height);
@@ -315,6 +342,15 @@ mod tests {
         assert_eq!(map.classes[(20, 15)], Hazard::Roughness);
         let both = HazardOptions { max_slope_deg: 10.0, ..HazardOptions::default() };
         assert_eq!(hazard(&board, &both).unwrap().classes[(20, 15)], Hazard::Both);
+    }
+
+    #[test]
+    fn classes_differ_in_number_words_and_colour() {
+        let distinct = |count: usize| assert_eq!(count, Hazard::ALL.len());
+        distinct(Hazard::ALL.map(Hazard::code).into_iter().collect::<BTreeSet<_>>().len());
+        distinct(Hazard::ALL.map(Hazard::words).into_iter().collect::<BTreeSet<_>>().len());
+        distinct(Hazard::ALL.map(Hazard::color).into_iter().collect::<BTreeSet<_>>().len());
+        assert!(Hazard::ALL.iter().all(|class| class.code() > 0), "0 is no height");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What a user's file must be before it is read as text.
 
 use crate::Error;
-use selenograph_raster::file;
+use selenograph_files::regular;
 use std::path::Path;
 
 /// The text of a regular file of at most 256 MiB, without a byte order mark.
@@ -9,7 +9,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`] for what is no regular file or longer; [`Error::Format`] for what is no text.
 pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
-    text_of(path, &file::read(path, file::MAX_TEXT_BYTES).map_err(Error::io("read", path))?)
+    text_of(path, &regular::read(path, regular::MAX_TEXT_BYTES).map_err(Error::io("read", path))?)
 }
 
 /// Bytes as text, without a byte order mark. A letter of an older encoding in a comment is no reason to refuse a file.

@@ -133,8 +133,8 @@ impl Priors {
     fn place_by_dem(&self, prediction: &Prediction) -> Result<Placement, Error> {
         match (&self.dem, &self.world) {
             (Some(dem), World::Body { body, body_from_cam_a }) => {
+                dem.body().same_sphere("the elevation model", body, "the first camera's world")?;
                 let aligned = dem::align(prediction, body_from_cam_a, None, dem, &self.dem_options)?;
-                debug_assert_eq!(body, dem.body());
                 aligned.placement(dem)
             }
             _ => Err(Error::Undetermined {

@@ -238,7 +238,7 @@ pub fn read_alignment(path: &Path) -> Result<Alignment, Error> {
 }
 
 fn parse<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    let text = selenograph_raster::file::read_to_string(path).map_err(Error::io("read", path))?;
+    let text = selenograph_files::regular::read_to_string(path).map_err(Error::io("read", path))?;
     serde_json::from_str(&text).map_err(|e| bad(path, "a transform as JSON", e))
 }
 

@@ -46,6 +46,20 @@ fn shared(name: &str) -> Option<PathBuf> {
     None
 }
 
+/// Frames whose crops are there and whose cameras are known here, in the order of the strip.
+fn apollo_frames(folder: &Path) -> Vec<String> {
+    let cameras = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/apollo15");
+    let mut frames: Vec<String> = std::fs::read_dir(cameras)
+        .unwrap()
+        .filter_map(|entry| {
+            Some(entry.unwrap().path().file_name()?.to_str()?.strip_suffix(".toml")?.to_owned())
+        })
+        .filter(|frame| folder.join(format!("{frame}_crop.cub")).is_file())
+        .collect();
+    frames.sort();
+    frames
+}
+
 fn apollo(folder: &Path, frame: &str) -> (View, Rigid3<BodyFixed, Cam>) {
     let image = read_picture(&folder.join(format!("{frame}_crop.cub"))).unwrap().grey;
     let camera = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("testdata/apollo15/{frame}.toml"));
@@ -56,8 +70,13 @@ fn apollo(folder: &Path, frame: &str) -> (View, Rigid3<BodyFixed, Cam>) {
 #[test]
 fn shared_apollo_pair_agrees_with_its_labels_as_far_as_they_are_right() {
     let Some(folder) = shared("apollo15") else { return };
-    let (a, world_from_a) = apollo(&folder, "AS15-M-0297");
-    let (b, world_from_b) = apollo(&folder, "AS15-M-0298");
+    let frames = apollo_frames(&folder);
+    let [first, second, ..] = frames.as_slice() else {
+        println!("SKIP shared-data: no two frames with a camera in {}, only {frames:?}", folder.display());
+        return;
+    };
+    let (a, world_from_a) = apollo(&folder, first);
+    let (b, world_from_b) = apollo(&folder, second);
     let found = relative_pose::sift(&a, &b, &SiftOptions::default()).unwrap();
     let label: Rigid3<CamB, CamA> = (&world_from_b.inverse() * &world_from_a).relabel();
     let estimate = found.pose.cam_b_from_cam_a;

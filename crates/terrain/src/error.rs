@@ -35,6 +35,9 @@ pub enum Error {
     /// A file or folder that cannot be written.
     #[error(transparent)]
     Files(#[from] selenograph_files::Error),
+    /// Elevation models on different spheres.
+    #[error(transparent)]
+    Geometry(#[from] selenograph_geometry::Error),
     /// An elevation model that cannot be read.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),

@@ -50,8 +50,8 @@ pub struct Progress<'a> {
 /// first lies on top. Peak memory is a band of rows, whatever the size of the files.
 ///
 /// # Errors
-/// [`Error::Raster`] for files that cannot be read or hold no valid height, [`Error::Grid`] for files on different
-/// spheres or without any file, [`Error::Files`], [`Error::Io`]. The target is touched only when all is done.
+/// [`Error::Raster`] for files that cannot be read or hold no valid height, [`Error::Geometry`] for files on different
+/// spheres, [`Error::Grid`] without any file, [`Error::Files`], [`Error::Io`]. The target is touched only when all is done.
 pub fn import(
     sources: &[ImportSource],
     folder: FolderDraft,
@@ -64,7 +64,11 @@ pub fn import(
     let Some(coarsest) = models.first() else {
         return Err(Error::Grid { expected: "at least one elevation model", found: "none".into() });
     };
-    let mut writer = TerrainWriter::create(folder, coarsest.grid.crs.body.clone());
+    let body = coarsest.grid.crs.body.clone();
+    for model in &models {
+        model.grid.crs.body.same_sphere(model.name(), &body, coarsest.name())?;
+    }
+    let mut writer = TerrainWriter::create(folder, body);
     let num_layers = models.len();
     for (layer_idx, mut model) in models.into_iter().enumerate() {
         let path = model.path.clone();
@@ -144,6 +148,11 @@ impl Model {
             });
         }
         Ok(Self { path: source.path.clone(), reader, grid, closing })
+    }
+
+    /// As people know it.
+    fn name(&self) -> String {
+        format!("`{}`", self.path.display())
     }
 
     fn source(&self) -> Result<Source, Error> {

@@ -7,7 +7,7 @@ use crate::Block;
 use crate::layer::SUPPORT_BLOCK;
 use crate::pyramid::FIRST_MIN_LEVEL;
 use crate::{Error, Grid, Pyramid, PyramidBuilder, PyramidShape};
-use selenograph_files::checksum;
+use selenograph_files::{checksum, regular};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -242,7 +242,7 @@ pub(crate) fn write_header(path: &Path, version: u32, description: &checksum::Ch
 /// Reads a header back: format version and hash of the description it belongs to.
 pub(crate) fn read_header(path: &Path) -> Result<(u32, [u8; 32]), Error> {
     let mut header = [0u8; MAGIC.len() + 4 + 32];
-    let mut file = File::open(path).map_err(Error::io("open", path))?;
+    let (mut file, _) = regular::open(path).map_err(Error::io("open", path))?;
     let found = file.read_exact(&mut header);
     let (magic, rest) = header.split_at(MAGIC.len());
     if found.is_err() || magic != MAGIC {
@@ -285,8 +285,7 @@ pub(crate) struct Mapped {
 /// Maps a layer file of a grid, read-only. Its size must fit exactly.
 pub(crate) fn map(path: &Path, grid: &Grid, has_support: bool) -> Result<Mapped, Error> {
     let layout = Layout::new(grid, has_support);
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    let found = file.metadata().map_err(Error::io("read", path))?.len();
+    let (file, found) = regular::open(path).map_err(Error::io("open", path))?;
     if found != layout.total {
         return Err(Error::Corrupt {
             path: path.to_owned(),

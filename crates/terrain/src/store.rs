@@ -6,7 +6,7 @@
 
 use crate::layer_file::{self, LayerWriter, Section, Written};
 use crate::{Error, Grid, Layer, Terrain};
-use selenograph_files::{FolderDraft, FolderKind, checksum};
+use selenograph_files::{FolderDraft, FolderKind, checksum, regular};
 use selenograph_geometry::{Body, proj_string};
 use selenograph_raster::georef::Affine;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub static TERRAIN: FolderKind = FolderKind {
     command: "dem import",
     what: "a terrain",
     is_own: |folder| {
-        let text = fs::read(folder.join(DESCRIPTION)).unwrap_or_default();
+        let text = regular::read(&folder.join(DESCRIPTION), regular::MAX_TEXT_BYTES).unwrap_or_default();
         serde_json::from_slice::<VersionOnly>(&text).is_ok_and(|found| found.format == FORMAT)
     },
     names: &[DESCRIPTION, "layer-#.bin"],
@@ -138,16 +138,11 @@ impl TerrainWriter {
     /// Starts the next finer layer. `has_support` announces effective cell sizes.
     ///
     /// # Errors
-    /// [`Error::Grid`] for another sphere, [`Error::Io`].
+    /// [`Error::Geometry`] for another sphere, [`Error::Io`].
     pub fn begin_layer(&self, grid: &Grid, has_support: bool) -> Result<NewLayer, Error> {
-        let (radius, other) = (self.body.radius_m, grid.crs.body.radius_m);
-        if (radius - other).abs() > 1e-6 {
-            return Err(Error::Grid {
-                expected: "layers on one sphere",
-                found: format!("radii {radius} m and {other} m"),
-            });
-        }
-        let file = format!("layer-{}.bin", self.layers.len());
+        let idx = self.layers.len();
+        grid.crs.body.same_sphere(format_args!("layer {idx}"), &self.body, "the terrain")?;
+        let file = format!("layer-{idx}.bin");
         let writer = LayerWriter::create(&self.folder.path().join(&file), grid, has_support)?;
         Ok(NewLayer { writer, file, grid: grid.clone(), has_support })
     }
@@ -232,7 +227,7 @@ fn open_layer(path: &Path, grid: &Grid, has_support: bool, height_range: (f32, f
 /// Reads `terrain.json` and its hash.
 fn describe_with_hash(dir: &Path) -> Result<(Description, checksum::Checksum), Error> {
     let path = dir.join(DESCRIPTION);
-    let text = fs::read(&path).map_err(|source| match source.kind() {
+    let text = regular::read(&path, regular::MAX_TEXT_BYTES).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory => Error::NotATerrain {
             path: dir.to_owned(),
             what: if dir.exists() {
@@ -309,7 +304,7 @@ pub fn verify(dir: &Path) -> Result<(), Error> {
     Terrain::open(dir)?;
     for layer in describe(dir)?.layers {
         let path = dir.join(&layer.file);
-        let mut file = File::open(&path).map_err(Error::io("open", &path))?;
+        let (mut file, _) = regular::open(&path).map_err(Error::io("open", &path))?;
         for section in &layer.sections {
             file.seek(SeekFrom::Start(section.offset)).map_err(Error::io("read", &path))?;
             let found = checksum::of_reader((&mut file).take(section.bytes));

@@ -27,19 +27,13 @@ impl Terrain {
     /// A terrain from layers that share a sphere, finest first.
     ///
     /// # Errors
-    /// [`Error::Grid`] without layers, with layers on different spheres, or not ordered from fine to coarse.
+    /// [`Error::Geometry`] for layers on different spheres; [`Error::Grid`] without layers, or not ordered from fine to coarse.
     pub fn new(body: Body, layers: Vec<Layer>) -> Result<Self, Error> {
         if layers.is_empty() {
             return Err(Error::Grid { expected: "at least one layer", found: "none".into() });
         }
-        for layer in &layers {
-            let radius = layer.grid.crs.body.radius_m;
-            if (radius - body.radius_m).abs() > 1e-6 {
-                return Err(Error::Grid {
-                    expected: "layers on one sphere",
-                    found: format!("radii {radius} m and {} m", body.radius_m),
-                });
-            }
+        for (idx, layer) in layers.iter().enumerate() {
+            layer.grid.crs.body.same_sphere(format_args!("layer {idx}"), &body, "the terrain")?;
         }
         if let Some(pair) = layers.windows(2).find(|pair| pair[0].cell_m > pair[1].cell_m) {
             return Err(Error::Grid {

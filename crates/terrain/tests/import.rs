@@ -140,10 +140,20 @@ fn what_cannot_be_imported_leaves_nothing() {
     let text = imported(&[&empty], &target).map(|_| ()).unwrap_err().to_string();
     assert!(text.contains("empty.tif"), "{text}");
     assert!(imported(&[&empty, &good], &target).is_err());
-    let mars = Crs { projection: Projection::south_polar(Body::mars().radius_m), body: Body::mars() };
-    let other = dir.path().join("mars.tif");
-    write(&other, &mars, &affine, 50, 40, |_, _| 1.0);
-    assert!(matches!(imported(&[&other, &good], &target), Err(Error::Grid { .. })));
+    // Another body, and the Moon's older radius.
+    for other in [Body::mars(), Body::sphere("Moon", 1_738_000.0, "moon_me")] {
+        let radius_m = other.radius_m;
+        let crs = Crs { projection: Projection::south_polar(radius_m), body: other };
+        let path = dir.path().join("other.tif");
+        write(&path, &crs, &affine, 50, 40, |_, _| 1.0);
+        for paths in [[&path, &good], [&good, &path]] {
+            let error = imported(&paths.map(PathBuf::as_path), &target).map(|_| ()).unwrap_err();
+            assert!(matches!(error, Error::Geometry(_)), "{error}");
+            let (found, known) =
+                (format!("other.tif` lies on a sphere of {radius_m} m"), "good.tif` on one of 1737400 m");
+            assert!(error.to_string().contains(&found) && error.to_string().contains(known), "{error}");
+        }
+    }
     assert!(matches!(imported(&[], &target), Err(Error::Grid { .. })));
     // Cut in the middle: found while reading.
     let bytes = std::fs::read(&good).unwrap();

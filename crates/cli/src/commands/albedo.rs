@@ -13,8 +13,6 @@ use std::sync::Arc;
 
 /// Rows read at once.
 const BAND_ROWS: usize = 256;
-/// Spheres of one body differ by less than this share of the radius between products.
-const RADIUS_TOLERANCE: f64 = 0.01;
 
 /// What the record says about the map.
 #[derive(Serialize)]
@@ -28,23 +26,22 @@ pub struct AlbedoRecord {
 /// Reads the map that the command line names; without one, albedo is 1 everywhere.
 ///
 /// # Errors
-/// A file that cannot be read, lies on another body or holds values below 0.
+/// A file that cannot be read, lies on another sphere or holds values below 0.
 pub fn read(choice: &AlbedoChoice, body: &Body, ui: &Ui) -> anyhow::Result<(Albedo, Option<AlbedoRecord>)> {
     let Some(path) = &choice.albedo else { return Ok((Albedo::Constant(1.0), None)) };
     let options = OpenOptions { band: choice.albedo_band, ..OpenOptions::default() };
     let mut reader = DemReader::open(path, &options)?;
     let info = reader.info().clone();
-    if (info.body().radius_m / body.radius_m - 1.0).abs() > RADIUS_TOLERANCE {
-        return Err(refuse(
+    let name = format!("`{}`", path.display());
+    info.body().same_sphere(name, body, "the terrain").map_err(|other| {
+        let radius_m = body.radius_m;
+        refuse(
+            other.to_string(),
             format!(
-                "`{}` lies on a sphere of {} km, the terrain on one of {} km",
-                path.display(),
-                info.body().radius_m / 1e3,
-                body.radius_m / 1e3
+                "if it is of the terrain's body, `gdalwarp -t_srs \"+proj=… +R={radius_m}\" in.tif out.tif` brings it onto the terrain's sphere"
             ),
-            "pass an albedo map of the terrain's body",
-        ));
-    }
+        )
+    })?;
     let grid = Grid::new(info.crs.clone(), info.width, info.height, info.map_from_pixel.grid_from_pixel())?;
     let mut data = Vec::with_capacity(info.width * info.height);
     let mut rows = Vec::new();

@@ -6,16 +6,17 @@ use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
 use anyhow::Context;
 use indicatif::ProgressBar;
-use selenograph_files::{FolderKind, record};
+use selenograph_files::{FolderKind, record, regular};
 use selenograph_geometry::{Camera, Distortion, PixelConvention};
 use selenograph_raster::codec::picture::{GreyUnit, PictureFile, read_picture};
 use selenograph_raster::codec::{Picture, png};
 use selenograph_reconstruct::Error;
 use selenograph_reconstruct::camera_file::{self, PictureSize};
+use selenograph_reconstruct::exif;
 use selenograph_reconstruct::frames::{FrameStream, Pairing, Window};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 /// Folder of the pictures below the target.
@@ -48,6 +49,8 @@ struct Work<'a> {
     /// Where each written frame came from.
     written: BTreeMap<usize, String>,
     skipped: Vec<String>,
+    /// What EXIF says of frames that are shown turned.
+    turned: Vec<String>,
     bar: ProgressBar,
 }
 
@@ -69,6 +72,7 @@ pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
         camera: None,
         written: BTreeMap::new(),
         skipped: Vec::new(),
+        turned: Vec::new(),
         bar: ui.bar(0, "frames"),
     };
     if args.source.is_dir() {
@@ -76,10 +80,19 @@ pub fn run(args: &Frames, ui: &Ui) -> anyhow::Result<Outcome> {
     } else if args.source == Path::new("-") {
         work.stream(std::io::stdin().lock(), Path::new("stdin"))?;
     } else {
-        let file = std::fs::File::open(&args.source).map_err(Error::io("open", &args.source))?;
+        let (file, _) = regular::open(&args.source).map_err(|error| match error.kind() {
+            ErrorKind::InvalidInput => refuse(
+                format!("cannot open `{}`: {error}", args.source.display()),
+                "a stream comes in on standard input: `selenograph frames - … < PIPE`",
+            ),
+            _ => Error::io("open", &args.source)(error).into(),
+        })?;
         work.stream(file, &args.source)?;
     }
     work.bar.finish_and_clear();
+    if let Some(first) = work.turned.first() {
+        ui.note(&format!("{first} (so in {} of the frames)", work.turned.len()));
+    }
     let summary = work.finish(args)?;
     draft.commit()?;
     if ui.json {
@@ -136,10 +149,26 @@ impl Work<'_> {
         for (frame_idx, name) in names.iter().enumerate().filter(|(idx, _)| pairing.wants(*idx)) {
             self.bar.set_position(frame_idx as u64 + 1);
             match read_picture(&folder.join(name)) {
-                Ok(file) => match levels(&file) {
-                    Some(picture) => self.keep(frame_idx, &picture, name)?,
-                    None => self.skipped.push(format!("{name}: its levels have no white to be written with")),
-                },
+                Ok(file) => {
+                    // The crops are PNG without tags: what is not said here is lost.
+                    let tags = exif::read(&file.data_path)?.unwrap_or_default();
+                    if tags.is_mirrored() {
+                        self.skipped.push(format!(
+                            "{name}: it is stored mirrored (EXIF orientation {})",
+                            tags.orientation
+                        ));
+                        continue;
+                    }
+                    if let Some(turned) = tags.turned() {
+                        self.turned.push(format!("`{name}`: {turned}"));
+                    }
+                    match levels(&file) {
+                        Some(picture) => self.keep(frame_idx, &picture, name)?,
+                        None => {
+                            self.skipped.push(format!("{name}: its levels have no white to be written with"));
+                        }
+                    }
+                }
                 Err(error) => self.skipped.push(format!("{name}: {error}")),
             }
         }

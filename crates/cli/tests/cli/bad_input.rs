@@ -1,6 +1,7 @@
 //! Bad input: one clear line, a hint, exit code 1, and nothing left behind.
 
 use crate::program::Place;
+use crate::reconstruct::picture;
 use crate::tiff::Dem;
 
 fn with_dem(name: &str, dem: &Dem) -> Place {
@@ -27,6 +28,61 @@ fn truncated_tiff() {
     refused_everywhere(&place, "cut.tif", "cut.tif", "");
     place.write("cut.tif", &bytes[..6]);
     refused_everywhere(&place, "cut.tif", "cut.tif", "");
+}
+
+/// Wherever two maps meet; the older radius of the Moon is 600 m longer.
+#[test]
+fn a_second_radius() {
+    let place = with_dem("new.tif", &Dem::hills(64, 400.0));
+    place.write("old.tif", Dem { radius_m: 1_738_000.0, ..Dem::hills(64, 100.0) }.bytes());
+    let says = |beside: &str| format!("lies on a sphere of 1738000 m, {beside} on one of 1737400 m");
+    let heights = "--calc=\"A+(600)\"";
+    for files in ["old.tif new.tif", "new.tif old.tif"] {
+        let import = format!("dem import {files} --out terrain");
+        place.run(&import).refused(&says("`new.tif`"), heights);
+    }
+    place
+        .run("dem synth --size 16 --cell-m 20 --base old.tif --out moon.tif")
+        .refused(&says("the synthetic relief"), heights);
+    place.run("dem import new.tif --out terrain").ok();
+    // An albedo has no height that could be off.
+    place
+        .run("render terrain --lat-deg -90 --lon-deg 0 --altitude-m 3000 --width 8 --height 8 --albedo old.tif --out o")
+        .refused(&says("the terrain"), "+R=1737400");
+    place.write(
+        "camera.toml",
+        "width_px = 160\nheight_px = 160\nfx_px = 190.0\ncx_px = 80.0\ncy_px = 80.0\npixel_convention = \"corner\"\n\
+         world = \"moon_me\"\nposition_m = [0.0, 0.0, -1741000.0]\n\
+         world_from_cam_quaternion = { qw = 1.0, qx = 0.0, qy = 0.0, qz = 0.0 }\n",
+    );
+    for (name, bytes) in [("a.png", 0.0), ("b.png", 14.0)].map(|(name, at)| (name, picture(at))) {
+        place.write(name, bytes);
+    }
+    let names = place.names();
+    place
+        .run("reconstruct a.png b.png --camera camera.toml --world-from-cam-a camera.toml --dem old.tif --out out -q")
+        .refused(&says("the first camera's world `moon_me`"), heights);
+    assert_eq!(place.names(), names, "something was left behind");
+}
+
+/// Whatever reads a file refuses at once what would block it or never end.
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices() {
+    let place = Place::new();
+    assert!(place.command("mkfifo").arg("pipe").status().unwrap().success());
+    let before = place.names();
+    for file in ["pipe", "/dev/zero"] {
+        for (line, hints) in [
+            (format!("frames {file} --size 8 --out out"), "standard input"),
+            (format!("weights info {file}"), "torch.save"),
+            (format!("config show {file}"), "a pipe or a device"),
+            (format!("dem info {file}"), "a pipe or a device"),
+        ] {
+            place.run(&line).refused("a pipe, socket or device", hints);
+        }
+    }
+    assert_eq!(place.names(), before, "something was left behind");
 }
 
 #[test]

@@ -50,6 +50,28 @@ fn exif_tells_the_focal_length_and_how_a_picture_is_turned() {
     place.run("reconstruct a.jpg b.jpg --out three -q").refused("mirrored", "upright");
 }
 
+/// The crops hold no EXIF, so that what it says is said here.
+#[test]
+fn frames_say_how_they_are_turned_and_leave_mirrored_ones_out() {
+    let place = with_pair();
+    std::fs::create_dir(place.path("film")).unwrap();
+    for (name, orientation) in [("a", 8), ("b", 8)] {
+        jpeg_with_exif(&place, name, 36, orientation);
+        std::fs::rename(place.path(&format!("{name}.jpg")), place.path(&format!("film/{name}.jpg"))).unwrap();
+    }
+    let answer = place.run("frames film --size 64 --every 1 --out cut").ok();
+    for said in
+        ["`a.jpg`: EXIF (orientation 8)", "90° anticlockwise", "taken as stored", "in 2 of the frames"]
+    {
+        assert!(answer.stderr.contains(said), "{said}: {}", answer.stderr);
+    }
+    jpeg_with_exif(&place, "a", 36, 2);
+    std::fs::rename(place.path("a.jpg"), place.path("film/c.jpg")).unwrap();
+    let answer = place.run("frames film --size 64 --every 1 --out again");
+    assert_eq!(answer.code, 3, "{}", answer.stderr);
+    assert!(answer.stderr.contains("c.jpg: it is stored mirrored (EXIF orientation 2)"), "{}", answer.stderr);
+}
+
 #[test]
 fn matches_go_out_and_come_back() {
     let place = with_pair();

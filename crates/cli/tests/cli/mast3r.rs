@@ -214,20 +214,26 @@ fn the_builtin_network_matches_across_suns_where_features_cannot() {
     }
 }
 
-/// Focal length and principal point of the crops of AS15-M-0297 and 0298, pixels, from their labels.
+/// Crops of which the cameras are known.
+const APOLLO_NAMES: [&str; 2] = ["AS15-M-0297_crop.cub", "AS15-M-0298_crop.cub"];
+/// Their focal lengths and principal points, pixels, from their labels.
 const APOLLO_PX: [[f64; 3]; 2] = [[952.1, 216.24, 466.52], [952.1, -34.13, 403.92]];
 
 /// Pictures on film, of which it has seen none: its matches lead to the pose that features lead to.
 #[test]
 fn shared_apollo_pair_is_matched_by_the_builtin_network() {
     let Some(folder) = crate::dem::shared("data/apollo15") else { return };
+    let pictures = APOLLO_NAMES.map(|name| folder.join(name));
+    if let Some(missing) = pictures.iter().find(|path| !path.is_file()) {
+        eprintln!("SKIP shared-data: no {}", missing.display());
+        return;
+    }
+    let pictures = pictures.map(|path| path.display().to_string());
     let place = Place::new();
     for (name, [f, cx, cy]) in ["a.toml", "b.toml"].into_iter().zip(APOLLO_PX) {
         let size = "width_px = 500\nheight_px = 500\npixel_convention = \"corner\"\n";
         place.write(name, format!("{size}fx_px = {f}\nfy_px = {f}\ncx_px = {cx}\ncy_px = {cy}\n"));
     }
-    let pictures =
-        ["AS15-M-0297_crop.cub", "AS15-M-0298_crop.cub"].map(|name| folder.join(name).display().to_string());
     let pose = |method: &str| -> Vec<f64> {
         let cameras =
             ["--camera-a", "a.toml", "--camera-b", "b.toml", "--baseline-m", "1000", "--no-report", "-q"];

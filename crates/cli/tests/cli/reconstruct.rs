@@ -19,7 +19,7 @@ fn ground(x: f64, y: f64) -> f64 {
 }
 
 /// A picture of rough ground from a camera at (`east`, 0): parallax grows with the ground's height.
-fn picture(east: f64) -> Vec<u8> {
+pub fn picture(east: f64) -> Vec<u8> {
     let grey = Raster::from_fn(SIDE, SIDE, |x, y| {
         let (x, y) = (x as f64, y as f64);
         let height = 0.12 * (0.05 * x + 1.0).sin() * (0.043 * y).cos();

@@ -12,7 +12,6 @@ const SOUTH_POLAR: [u16; 36] = [
     3081, 34736, 1, 2, // latitude of origin
     3095, 34736, 1, 3, // longitude that points up
 ];
-const RADIUS_M: f64 = 1_737_400.0;
 
 /// Number of a tag; type, count and bytes of its values.
 type Tag = (u16, (u16, usize, Vec<u8>));
@@ -23,6 +22,8 @@ pub struct Dem {
     pub height: usize,
     pub heights: Vec<f32>,
     pub cell_m: f64,
+    /// Of the sphere that the map lies on.
+    pub radius_m: f64,
     pub georeferenced: bool,
     /// GeoTIFF code of the coordinate transformation (15: polar stereographic).
     pub transformation: u16,
@@ -39,6 +40,7 @@ impl Dem {
             height: side,
             heights,
             cell_m,
+            radius_m: 1_737_400.0,
             georeferenced: true,
             transformation: 15,
             nodata: None,
@@ -76,7 +78,7 @@ impl Dem {
             tags.push((33550, double(&[self.cell_m, self.cell_m, 0.0])));
             tags.push((33922, double(&[0.0, 0.0, 0.0, -half_m, half_m, 0.0])));
             tags.push((34735, short(&keys)));
-            tags.push((34736, double(&[RADIUS_M, RADIUS_M, -90.0, 0.0])));
+            tags.push((34736, double(&[self.radius_m, self.radius_m, -90.0, 0.0])));
         }
         if let Some(text) = self.nodata {
             let bytes: Vec<u8> = text.bytes().chain([0]).collect();

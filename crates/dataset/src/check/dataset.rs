@@ -5,8 +5,8 @@ use crate::Error;
 use crate::generate::folder::{CAMPAIGN_NAME, COMMAND, PLAN_NAME, Shard};
 use crate::pair::pair_folder;
 use crate::plan::{Campaign, Plan, Row};
-use selenograph_files::checksum;
 use selenograph_files::record::{self, RUN_NAME, ReadRecord};
+use selenograph_files::{checksum, regular};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,7 @@ impl Dataset {
     /// A file whose checksum the runs hold, if it is there; where it is another one, that is found.
     fn read(&mut self, name: &str) -> Option<String> {
         let path = self.root.join(name);
-        let bytes = match std::fs::read(&path) {
+        let bytes = match regular::read(&path, regular::MAX_TEXT_BYTES) {
             Ok(bytes) => bytes,
             Err(error) => {
                 let missing = error.kind() == std::io::ErrorKind::NotFound;

@@ -4,7 +4,9 @@ use crate::Error;
 use crate::pair::pair_folder;
 use crate::plan::{Campaign, Plan};
 use selenograph_files::record::{self, RUN_NAME, RunRecord};
-use selenograph_files::{Existing, FolderDraft, FolderKind, HeldFolder, Sharing, checksum, clear_drafts};
+use selenograph_files::{
+    Existing, FolderDraft, FolderKind, HeldFolder, Sharing, checksum, clear_drafts, regular,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs;
@@ -117,7 +119,7 @@ pub fn planned(
     inputs: &BTreeMap<String, String>,
 ) -> Result<Option<Plan>, Error> {
     let (path, campaign_sum) = (target.join(PLAN_NAME), campaign.checksum()?);
-    let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
+    let Ok(text) = regular::read_to_string(&path) else { return Ok(None) };
     let sum = checksum::of_bytes(text.as_bytes()).to_string();
     let is_of_it = |run: &record::ReadRecord| {
         let told = |name: &str| run.inputs.get(name);
@@ -161,7 +163,7 @@ pub(super) fn prepare(
     // Another shard may have begun the same dataset a moment ago.
     for (name, what, text) in [(CAMPAIGN_NAME, "campaign", campaign), (PLAN_NAME, "plan", plan)] {
         let path = target.join(name);
-        match fs::read_to_string(&path) {
+        match regular::read_to_string(&path) {
             Ok(found) if found == text => {}
             Ok(found) => {
                 let sum = |text: &str| checksum::of_bytes(text.as_bytes()).to_hex()[..16].to_owned();

@@ -1,6 +1,7 @@
 //! Records as JSON text.
 
 use crate::Error;
+use selenograph_files::regular;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::Path;
 
@@ -12,7 +13,7 @@ pub const RECORD_VERSION: u32 = 1;
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] if it is not the record asked for.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
-    parse_json(&std::fs::read(path).map_err(Error::io("read", path))?, path)
+    parse_json(&regular::read(path, regular::MAX_TEXT_BYTES).map_err(Error::io("read", path))?, path)
 }
 
 /// A JSON record out of a file's bytes.

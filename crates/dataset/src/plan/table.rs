@@ -175,7 +175,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Io`], or as [`Plan::from_csv`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = selenograph_raster::file::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = selenograph_files::regular::read_to_string(path).map_err(Error::io("read", path))?;
         Self::from_csv(&text, path)
     }
 }

@@ -3,6 +3,7 @@
 
 use crate::Error;
 use crate::pair::parse_json;
+use selenograph_files::regular;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +51,7 @@ impl Place {
     /// [`Error::Io`].
     pub fn read(&self, file: &str) -> Result<Vec<u8>, Error> {
         let path = self.path(file);
-        std::fs::read(&path).map_err(Error::io("read", &path))
+        regular::read(&path, regular::ANY_LENGTH).map_err(Error::io("read", &path))
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::dataset_source::load::ItemRecord;
 use crate::pair_metrics::PairMetrics;
+use selenograph_files::regular;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -42,7 +43,7 @@ impl Line {
 /// [`Error::Format`] for a whole line that is no record, [`Error::Io`] if the file cannot be read or mended. A file that does
 /// not exist has no lines.
 pub fn read_mended(path: &Path) -> Result<Vec<Line>, Error> {
-    let bytes = match std::fs::read(path) {
+    let bytes = match regular::read(path, regular::ANY_LENGTH) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(Error::io("read", path)(error)),

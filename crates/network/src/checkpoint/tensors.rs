@@ -3,7 +3,9 @@
 use crate::Error;
 use crate::element::ElementType;
 use crate::zip::{ReadAt, Span};
+use selenograph_files::regular;
 use std::fs::File;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Bytes read and converted at a time.
@@ -27,18 +29,15 @@ enum Kind {
 
 impl Source {
     pub fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(Error::io("open", path))?;
-        let metadata = file.metadata().map_err(Error::io("open", path))?;
-        if !metadata.is_file() {
-            return Err(Error::NotACheckpoint {
-                path: path.to_owned(),
-                expected: "a file",
-                found: if metadata.is_dir() { "a folder" } else { "a device" }.into(),
-            });
-        }
+        let (file, len) = regular::open(path).map_err(|error| match error.kind() {
+            ErrorKind::InvalidInput => {
+                Error::NotACheckpoint { path: path.to_owned(), expected: "a file", found: error.to_string() }
+            }
+            _ => Error::io("open", path)(error),
+        })?;
         #[cfg(not(unix))]
         let file = std::sync::Mutex::new(file);
-        Ok(Self { kind: Kind::File(file), len: metadata.len() })
+        Ok(Self { kind: Kind::File(file), len })
     }
 
     pub fn bytes(bytes: &'static [u8]) -> Self {
@@ -65,7 +64,7 @@ impl ReadAt for Source {
             Kind::Bytes(bytes) => {
                 let start = usize::try_from(offset).ok();
                 let found = start.and_then(|start| bytes.get(start..start.checked_add(buffer.len())?));
-                buffer.copy_from_slice(found.ok_or(std::io::ErrorKind::UnexpectedEof)?);
+                buffer.copy_from_slice(found.ok_or(ErrorKind::UnexpectedEof)?);
                 Ok(())
             }
         }

@@ -1,6 +1,7 @@
 //! A decoded picture, and what every codec says when it cannot.
 
-use crate::{Error, Raster, file};
+use crate::{Error, Raster};
+use selenograph_files::regular;
 use std::path::Path;
 
 /// A decoded picture in the sample type of its file.
@@ -47,7 +48,7 @@ const MAX_FILE_BYTES: u64 = 4 << 30;
 
 /// The bytes of a file, with its path in the error.
 pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, Error> {
-    file::read(path, MAX_FILE_BYTES).map_err(Error::io("read", path))
+    regular::read(path, MAX_FILE_BYTES).map_err(Error::io("read", path))
 }
 
 /// A file that is not what its format says.

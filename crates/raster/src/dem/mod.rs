@@ -15,8 +15,8 @@ pub use geotiff::cog;
 pub use geotiff::{GeoTiffLayout, GeoTiffWriter, WriteOptions};
 pub use info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs};
 
+use crate::beside::label_beside;
 use crate::content::{Content, content_of};
-use crate::file::label_beside;
 use crate::{Error, Raster};
 use opened::{Opened, RowSource};
 use std::path::Path;

@@ -7,10 +7,11 @@
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
 use super::opened::{Opened, RowSource};
 use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
-use crate::file::find_beside;
+use crate::beside::find_beside;
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::{Affine, Error, file};
+use crate::{Affine, Error};
 use roxmltree::{Document, Node};
+use selenograph_files::regular;
 use selenograph_geometry::proj_string::{self, Crs};
 use std::path::{Path, PathBuf};
 
@@ -303,7 +304,7 @@ fn nodata(array: Node, sample_type: SampleType) -> Vec<f64> {
 }
 
 fn read_xml(path: &Path) -> Result<String, Error> {
-    let xml = file::read(path, MAX_LABEL_BYTES).map_err(Error::io("read", path))?;
+    let xml = regular::read(path, MAX_LABEL_BYTES).map_err(Error::io("read", path))?;
     Ok(String::from_utf8_lossy(&xml).into_owned())
 }
 

@@ -1,7 +1,8 @@
 //! Rows out of an uncompressed image of any interleaving: what PDS3 and PDS4 labels describe.
 
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::{Error, Raster, file};
+use crate::{Error, Raster};
+use selenograph_files::regular;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -153,7 +154,7 @@ pub(crate) struct RawRows {
 impl RawRows {
     /// Opens the image and makes sure that it is as long as its label says.
     pub(crate) fn open(path: &Path, layout: &RawLayout, band_idx: usize) -> Result<Self, Error> {
-        let (file, found) = file::open(path).map_err(Error::io("open", path))?;
+        let (file, found) = regular::open(path).map_err(Error::io("open", path))?;
         let too_large = || Error::Malformed {
             path: path.to_owned(),
             what: "image size in the label".to_owned(),

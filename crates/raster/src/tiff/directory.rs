@@ -3,8 +3,9 @@
 //! Written here rather than taken from a crate because georeferenced files need arbitrary tags, any sample type and
 //! planar layouts, and because no byte of a corrupt file may cause a panic or an allocation larger than the file.
 
+use crate::Error;
 use crate::sample::ByteOrder;
-use crate::{Error, file};
+use selenograph_files::regular;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -49,7 +50,7 @@ pub(crate) struct TiffFile {
 
 impl TiffFile {
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
-        let (file, len) = file::open(path).map_err(Error::io("open", path))?;
+        let (file, len) = regular::open(path).map_err(Error::io("open", path))?;
         let mut tiff = Self {
             file,
             path: path.to_owned(),

@@ -2,6 +2,7 @@
 
 use super::chunk::{Compression, Predictor};
 use super::directory::{Directory, TiffFile};
+use super::places::{checked_spans, kind_text, places, tags_of_places};
 use super::rows::{ChunkLayout, MIN_GROUP_ROWS, Span};
 use super::tags::*;
 use crate::sample::{ByteOrder, SampleType};
@@ -168,6 +169,7 @@ fn layout_of(
         chunk_width: chunk_width as usize,
         chunk_height: chunk_height as usize,
         tiled: tile_width.is_some(),
+        swapped_tags: false,
         spans: Vec::new(),
         num_interleaved,
         interleaved_idx: if planar { 0 } else { band_idx },
@@ -178,11 +180,13 @@ fn layout_of(
         predictor,
     };
     let plane = layout.across() * layout.down();
+    let (own, other) = tags_of_places(layout.tiled);
+    layout.swapped_tags = !directory.has(own.0) && directory.has(other.0);
     let (offsets, counts) = places(tiff, directory, &layout)?;
     let expected = plane.saturating_mul(if planar { shape.num_bands } else { 1 });
     if offsets.len() != expected || counts.len() != expected {
         return Err(tiff.malformed(
-            "table of strips or tiles",
+            &format!("table of {}", kind_text(&layout)),
             format!("{expected} chunks"),
             format!("{} offsets and {} sizes", offsets.len(), counts.len()),
         ));
@@ -199,28 +203,6 @@ fn layout_of(
     }
     layout.compression = compression;
     Ok(layout)
-}
-
-/// Offsets and sizes of the chunks. Some writers put those of tiles under the tags of strips, and leave out the sizes of
-/// strips that are not compressed.
-fn places(
-    tiff: &mut TiffFile,
-    directory: &Directory,
-    layout: &ChunkLayout,
-) -> Result<(Vec<u64>, Vec<u64>), Error> {
-    let (of_strips, of_tiles) = ((STRIP_OFFSETS, STRIP_BYTE_COUNTS), (TILE_OFFSETS, TILE_BYTE_COUNTS));
-    let (own, other) = if layout.tiled { (of_tiles, of_strips) } else { (of_strips, of_tiles) };
-    let (offsets, counts) = if directory.has(own.0) { own } else { other };
-    let offsets = tiff.integers(directory, offsets)?.unwrap_or_default();
-    let counts = match tiff.integers(directory, counts)? {
-        None if layout.compression == Compression::None => {
-            let rows = |idx: usize| if layout.tiled { layout.chunk_height } else { layout.rows_inside(idx) };
-            let down = |idx: usize| (idx / layout.across()) % layout.down();
-            (0..offsets.len()).map(|idx| (rows(down(idx)) * layout.row_bytes()) as u64).collect()
-        }
-        counts => counts.unwrap_or_default(),
-    };
-    Ok((offsets, counts))
 }
 
 /// Whether LZW streams have the form of before 1993: they begin with the clearing code the other way round.
@@ -260,41 +242,16 @@ fn checked_chunk_size(
     bounds::check(&tiff.path, "a row of strips or tiles", band_bytes, tiff.len)
 }
 
-/// Every chunk inside the file, and none shorter than its samples where they are not compressed.
-fn checked_spans(tiff: &TiffFile, layout: &ChunkLayout) -> Result<(), Error> {
-    for (idx, span) in layout.spans.iter().enumerate() {
-        let end = span.offset.saturating_add(span.len);
-        if end > tiff.len {
-            return Err(Error::Truncated {
-                path: tiff.path.clone(),
-                what: format!("chunk {idx} of {}", layout.spans.len()),
-                expected: end,
-                found: tiff.len,
-            });
-        }
-        if layout.compression == Compression::None && span.len > 0 {
-            let down_idx = idx / layout.across();
-            let rows = if layout.tiled {
-                layout.chunk_height
-            } else {
-                layout.chunk_height.min(layout.height - down_idx * layout.chunk_height)
-            };
-            let needed = (rows * layout.row_bytes()) as u64;
-            if span.len < needed {
-                return Err(tiff.malformed(&format!("chunk {idx}"), format!("{needed} bytes"), span.len));
-            }
-        }
-    }
-    Ok(())
-}
-
 /// How a band is stored, for people.
 pub(crate) fn storage_text(layout: &ChunkLayout, shape: &Shape) -> String {
-    let chunks = if layout.tiled {
+    let mut chunks = if layout.tiled {
         format!("tiles {}×{}", layout.chunk_width, layout.chunk_height)
     } else {
         format!("strips of {} row(s)", layout.chunk_height)
     };
+    if let Some((_, tags)) = kind_text(layout).split_once(' ') {
+        chunks = format!("{chunks} {tags}");
+    }
     let compression = match layout.compression {
         Compression::None => "uncompressed",
         Compression::Lzw => "LZW",

@@ -7,6 +7,7 @@ pub(crate) mod encode;
 pub(crate) mod image;
 pub(crate) mod layout;
 pub(crate) mod nodata;
+mod places;
 pub(crate) mod presence;
 pub(crate) mod rows;
 pub(crate) mod sidecar;

@@ -24,6 +24,8 @@ pub(crate) struct ChunkLayout {
     pub(crate) chunk_width: usize,
     pub(crate) chunk_height: usize,
     pub(crate) tiled: bool,
+    /// Whether the file has the places of tiles under the tags of strips, or those of strips under the tags of tiles.
+    pub(crate) swapped_tags: bool,
     pub(crate) spans: Vec<Span>,
     pub(crate) num_interleaved: usize,
     pub(crate) interleaved_idx: usize,

@@ -1,6 +1,7 @@
 //! GDAL's `.aux.xml` beside a file: what could not be written into it.
 
-use crate::{Error, file};
+use crate::Error;
+use selenograph_files::regular;
 use std::path::{Path, PathBuf};
 
 /// Such files are a few kilobytes; histograms make some longer.
@@ -35,7 +36,7 @@ pub(crate) fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
 /// [`Error::Io`]; [`Error::Malformed`] for XML that is broken.
 pub(crate) fn read(path: &Path, band_idx: usize) -> Result<Option<Sidecar>, Error> {
     let Some(path) = beside(path, ".aux.xml") else { return Ok(None) };
-    let bytes = file::read(&path, MAX_BYTES).map_err(Error::io("read", &path))?;
+    let bytes = regular::read(&path, MAX_BYTES).map_err(Error::io("read", &path))?;
     let text = String::from_utf8_lossy(&bytes);
     let document =
         roxmltree::Document::parse(text.trim_start_matches('\u{feff}')).map_err(|e| Error::Malformed {

@@ -34,6 +34,34 @@ pub struct TinyTiff {
     pub tags: Vec<(u16, Values)>,
 }
 
+/// In place of 5 as the compression of a [`TinyTiff`]: LZW of before 1993, which files call 5 too.
+pub const OLD_LZW: u16 = 50_005;
+
+/// LZW of before 1993 as libtiff's `LZWDecodeCompat` takes it, in which every byte is a code of its own: least significant bit
+/// first, and a code is a bit longer from the one on at which the table has outgrown the length before.
+fn old_lzw(bytes: &[u8]) -> Vec<u8> {
+    const CLEAR: u16 = 256;
+    const END: u16 = 257;
+    let (mut out, mut held, mut count) = (Vec::new(), 0u32, 0);
+    let (mut next, mut length) = (END, 9);
+    let codes = bytes.iter().map(|byte| u16::from(*byte));
+    for code in std::iter::once(CLEAR).chain(codes).chain([END]) {
+        held |= u32::from(code) << count;
+        count += length;
+        while count >= 8 {
+            out.push(held as u8);
+            (held, count) = (held >> 8, count - 8);
+        }
+        // Each code but the first after a clearing one makes an entry.
+        if code != CLEAR {
+            next += 1;
+            length += u32::from(next >> length);
+        }
+    }
+    out.push(held as u8);
+    out
+}
+
 pub const SOUTH_KEYS: &[(u16, f64)] =
     &[(1024, 1.0), (3075, 15.0), (3081, -90.0), (3092, 1.0), (3095, 0.0), (2057, 1_737_400.0)];
 
@@ -151,6 +179,7 @@ impl TinyTiff {
             5 => {
                 weezl::encode::Encoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8).encode(bytes).unwrap()
             }
+            OLD_LZW => old_lzw(bytes),
             8 | 32946 => {
                 let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
                 encoder.write_all(bytes).unwrap();
@@ -231,7 +260,7 @@ impl TinyTiff {
             (256, Values::Longs(vec![width as u64])),
             (257, Values::Longs(vec![height as u64])),
             (258, Values::Shorts(vec![self.size() as u16 * 8; bands.into()])),
-            (259, short(self.compression)),
+            (259, short(if self.compression == OLD_LZW { 5 } else { self.compression })),
             (277, short(bands)),
             (284, short(if self.planar { 2 } else { 1 })),
             (317, short(self.predictor)),

@@ -9,8 +9,8 @@ mod opencv;
 mod ours;
 
 use crate::{Error, input_file};
+use selenograph_files::regular;
 use selenograph_geometry::{BodyFixed, Cam, Camera, Point3, Rigid3, pixel};
-use selenograph_raster::file;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -90,7 +90,7 @@ impl<'a> PictureSize<'a> {
 pub fn read(path: &Path, picture: &PictureSize) -> Result<CameraFile, Error> {
     let in_folder = if path.is_dir() { colmap::in_folder(path) } else { None };
     let path = in_folder.as_deref().unwrap_or(path);
-    let bytes = file::read(path, file::MAX_TEXT_BYTES).map_err(Error::io("read", path))?;
+    let bytes = regular::read(path, regular::MAX_TEXT_BYTES).map_err(Error::io("read", path))?;
     let source = Source { path, picture };
     let mut file = if colmap::is_binary(path, &bytes) {
         colmap::from_binary(&source, &bytes)?

@@ -240,6 +240,10 @@ fn tasks(input: &ProductInput) -> Vec<Task> {
         Task { name: "cloud.ply", write: |path, _, p| write_whole(path, &cloud::ply::encode(&p.cloud)) },
         Task { name: "cloud.glb", write: |path, _, p| write_whole(path, &cloud::glb::encode(&p.cloud)) },
         Task { name: "hazard.tif", write: |path, _, p| tif::write_classes(path, &p.dem, &p.hazard.classes) },
+        Task {
+            name: "hazard.tif.aux.xml",
+            write: |path, _, _| write_whole(path, tif::class_names().as_bytes()),
+        },
     ];
     tasks.push(Task {
         name: "transform.json",

@@ -75,7 +75,7 @@ fn every_file_is_there_and_can_be_read() {
         assert_eq!(summary, products.summary);
         assert_eq!(summary.metric, metric);
         assert_eq!(summary.crs.is_some(), name == "map");
-        assert_eq!(summary.files.len(), 12);
+        assert_eq!(summary.files.len(), 13);
         for file in &summary.files {
             assert_eq!(
                 std::fs::metadata(folder.join(&file.name)).unwrap().len(),
@@ -85,7 +85,16 @@ fn every_file_is_there_and_can_be_read() {
             );
         }
         let leftovers = std::fs::read_dir(&folder).unwrap().count();
-        assert_eq!(leftovers, 13, "files beside those of the summary");
+        assert_eq!(leftovers, 14, "files beside those of the summary");
+        let names = std::fs::read_to_string(folder.join("hazard.tif.aux.xml")).unwrap();
+        let names: Vec<&str> = names
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("<Category>")?.strip_suffix("</Category>"))
+            .collect();
+        assert_eq!(
+            names,
+            ["no height", "safe", "cannot be told", "too rough", "too steep", "too steep and too rough"]
+        );
         assert!(summary.measured[0] > 0.8 && summary.completed[0] > 0.1);
         let alignment = transform_file::read_alignment(&folder.join("transform.json")).unwrap();
         assert_eq!(alignment.world, if name == "map" { "moon_me" } else { "local" });

@@ -6,7 +6,8 @@ use crate::cloud;
 use crate::grid::{Dem, GridFrame};
 use crate::hazard::Hazard;
 use selenograph_raster::Raster;
-use selenograph_raster::dem::cog::{ByteOverviews, CogOptions, CogPlace, CogWriter};
+use selenograph_raster::colormap::ABSENT;
+use selenograph_raster::dem::cog::{self, ByteOverviews, CogClass, CogOptions, CogPlace, CogWriter};
 use std::path::Path;
 
 /// A raster of floats of a stated name and unit.
@@ -23,9 +24,24 @@ pub(super) fn write(
     Ok(cog.finish()?)
 }
 
+/// The number of cells without a height in the hazard map.
+const NO_HEIGHT: u8 = 0;
+
+/// What the numbers of the hazard map mean.
+fn meanings() -> Vec<CogClass> {
+    let class = |number: u8, name: &str, color: [u8; 3]| CogClass { number, name: name.to_owned(), color };
+    let told = Hazard::ALL.map(|hazard| class(hazard.code(), hazard.words(), hazard.color()));
+    std::iter::once(class(NO_HEIGHT, "no height", ABSENT)).chain(told).collect()
+}
+
+/// The names of the classes, for the file beside the hazard map in which GIS programs look for them.
+pub(super) fn class_names() -> String {
+    cog::category_names(&meanings())
+}
+
 /// The classes of the hazard map; 0 where there is no height. In overviews the worst of four cells is kept.
 pub(super) fn write_classes(path: &Path, dem: &Dem, classes: &Raster<Hazard>) -> Result<(), Error> {
-    let options = CogOptions::classes("hazard", 0, ByteOverviews::Largest);
+    let options = CogOptions::classes("hazard", NO_HEIGHT, ByteOverviews::Largest, meanings());
     let mut cog = CogWriter::create(path, classes.width, classes.height, &place(dem), options)?;
     let codes = classes.data.iter().zip(&dem.heights.data);
     let codes: Vec<f32> =

@@ -51,7 +51,7 @@ impl KnownPoints {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for missing columns or cells that are no numbers.
     pub fn read_csv(path: &Path, body: Option<&Body>) -> Result<Self, Error> {
-        let text = selenograph_raster::file::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = selenograph_files::regular::read_to_string(path).map_err(Error::io("read", path))?;
         Self::parse_csv(&text, body, path)
     }
 

@@ -31,19 +31,13 @@ impl BaseSurface {
     ///
     /// # Errors
     /// [`Error::NotCovered`] if part of the target lies outside the base or where it is absent; errors of the reader;
-    /// [`Error::Grid`] if the two lie on different spheres.
+    /// [`Error::Geometry`] if the two lie on different spheres.
     pub fn read(
         grid: Grid,
         target: &Grid,
         mut read_rows: impl FnMut(usize, usize, &mut Vec<f32>) -> Result<(), Error>,
     ) -> Result<Self, Error> {
-        let (radius, other) = (grid.crs.body.radius_m, target.crs.body.radius_m);
-        if (radius - other).abs() > 1e-6 {
-            return Err(Error::Grid {
-                expected: "base and target on one sphere",
-                found: format!("radii {radius} m and {other} m"),
-            });
-        }
+        grid.crs.body.same_sphere("the base", &target.crs.body, "the synthetic relief")?;
         let [c0, r0, c1, r1] = outline(&grid, target)?;
         let col0 = (c0.floor() as usize).saturating_sub(BORDER);
         let row0 = (r0.floor() as usize).saturating_sub(BORDER);

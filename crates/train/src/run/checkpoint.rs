@@ -13,7 +13,7 @@ use crate::Error;
 use crate::network::PairNetwork;
 use crate::optimizer::{AdamW, AdamWSettings, LossScale, Moments, WeightAverage};
 use burn_tensor::{Device, Tensor, TensorData};
-use selenograph_files::{FileDraft, FolderDraft, clear_drafts};
+use selenograph_files::{FileDraft, FolderDraft, clear_drafts, regular};
 use selenograph_network::ElementType;
 use selenograph_network::checkpoint::TensorFile;
 use selenograph_network::safetensors::{Entry, Writer};
@@ -155,7 +155,7 @@ impl Checkpoints {
     /// [`Error::Resume`], [`Error::Io`].
     pub fn last_state(&self) -> Result<RunState, Error> {
         let path = self.last()?.join(STATE);
-        let text = std::fs::read_to_string(&path).map_err(Error::io("read", &path))?;
+        let text = regular::read_to_string(&path).map_err(Error::io("read", &path))?;
         serde_json::from_str(&text).map_err(|error| Error::Resume { path, what: error.to_string() })
     }
 

@@ -1,6 +1,7 @@
 //! The curve of a run: a line of JSON for each step and each validation.
 
 use crate::Error;
+use selenograph_files::regular;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -102,8 +103,8 @@ fn line(record: &Record) -> std::io::Result<String> {
 /// # Errors
 /// [`Error::Io`].
 pub fn read(path: &Path) -> Result<Vec<Record>, Error> {
-    let file = match File::open(path) {
-        Ok(file) => file,
+    let file = match regular::open(path) {
+        Ok((file, _)) => file,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(Error::io("read", path)(error)),
     };

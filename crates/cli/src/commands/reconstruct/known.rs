@@ -161,7 +161,13 @@ fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
     let origin = body_from_cam_a.origin();
     // Four heights away the ground is seen at 76°; a pose may be off by kilometres.
     let reach_m = 4.0 * body.height_m(&origin).abs() + 20_000.0;
-    Ok(DemPatch::read(path, &OpenOptions::default(), &origin, reach_m)?)
+    let dem = DemPatch::read(path, &OpenOptions::default(), &origin, reach_m)?;
+    dem.body().same_sphere(
+        format_args!("`{}`", path.display()),
+        body,
+        format_args!("the first camera's world `{}`", body.frame),
+    )?;
+    Ok(dem)
 }
 
 /// Known points from a table; those with a latitude are on the body of the first camera, or on the Moon.

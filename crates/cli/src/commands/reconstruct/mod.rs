@@ -54,6 +54,7 @@ pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
         "slope.tif",
         "hillshade.tif",
         "hazard.tif",
+        "hazard.tif.aux.xml",
     ],
     parts: &[],
 };

@@ -5,8 +5,8 @@ use crate::commands::clock::now_utc;
 use crate::exit::refuse;
 use crate::ui::Ui;
 use anyhow::Context;
-use selenograph_files::checksum;
 use selenograph_files::record::{self, RUN_NAME, RunRecord};
+use selenograph_files::{checksum, regular};
 use selenograph_model::{Device, Model, SavedActivations};
 use selenograph_network::layout::Layout;
 use selenograph_network::{Checkpoint, NetworkConfig, Preset, random};
@@ -257,7 +257,7 @@ fn settings(args: &Run) -> anyhow::Result<RunSettings> {
     }
     if let Some(path) = &choice.settings {
         let text =
-            std::fs::read_to_string(path).with_context(|| format!("cannot read `{}`", path.display()))?;
+            regular::read_to_string(path).with_context(|| format!("cannot read `{}`", path.display()))?;
         layers.push((path.display().to_string(), text));
     }
     let mut assign = |flag: &str, key: &str, value: &str| {

@@ -108,7 +108,7 @@ fn triplets(path: &Path, split: Option<&PathBuf>) -> anyhow::Result<Source> {
 pub fn own_split(request: &Request) -> anyhow::Result<Option<Split>> {
     let is_own = |file: &&PathBuf| file.extension().is_none_or(|extension| extension != "npz");
     let Some(file) = request.split.as_ref().filter(is_own) else { return Ok(None) };
-    let text = selenograph_raster::file::read_to_string(file)
+    let text = selenograph_files::regular::read_to_string(file)
         .with_context(|| format!("cannot read `{}`", file.display()))?;
     serde_json::from_str(&text).map(Some).map_err(|error| {
         refuse(
@@ -132,7 +132,7 @@ fn only<'a>(folders: &'a [PathBuf], flag: &str) -> anyhow::Result<&'a Path> {
 /// A campaign over a terrain, kept off held-out ground.
 fn flight(campaign: &str, terrain: &Path, val: &[Source]) -> anyhow::Result<Source> {
     let text = if Path::new(campaign).is_file() {
-        selenograph_raster::file::read_to_string(Path::new(campaign))
+        selenograph_files::regular::read_to_string(Path::new(campaign))
             .with_context(|| format!("cannot read campaign `{campaign}`"))?
     } else {
         preset_text(campaign)?.to_owned()

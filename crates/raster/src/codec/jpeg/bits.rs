@@ -1,5 +1,7 @@
 //! The bits of a JPEG's scans, and its tables of codes.
 
+use super::entropy::TOO_MANY;
+
 const EARLY: &str = "the coded samples end before the picture does";
 
 /// A table of Huffman codes: for the next 16 bits the length of the code and its symbol; length 0 where there is none.
@@ -80,12 +82,19 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// A value behind its size.
-    pub(super) fn skip_value(&mut self, table: Option<&Table>) -> Result<(), String> {
+    /// A number behind the code of its size.
+    pub(super) fn value(&mut self, table: Option<&Table>) -> Result<i64, String> {
         match self.symbol(table)? {
-            size @ 0..=16 => self.take(size.into()).map(drop),
+            size @ 0..=16 => self.signed(size.into()),
             _ => Err("a value of more than 16 bits".to_owned()),
         }
+    }
+
+    /// A number of a known size: those that begin with a 0 are negative (T.81, F.2.2.1).
+    pub(super) fn signed(&mut self, size: u32) -> Result<i64, String> {
+        let bits = i64::from(self.take(size)?);
+        let is_negative = size > 0 && bits >> (size - 1) == 0;
+        Ok(if is_negative { bits - (1 << size) + 1 } else { bits })
     }
 
     /// Takes the restart marker of a number from 0 to 7.
@@ -112,7 +121,7 @@ impl<'a> Bits<'a> {
                 0 => return Ok(self.at),
                 _ => match self.take(8)? {
                     0 | 0xFF => {}
-                    _ => return Err("more coded samples than the picture has".to_owned()),
+                    _ => return Err(TOO_MANY.to_owned()),
                 },
             }
         }

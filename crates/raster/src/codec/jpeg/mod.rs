@@ -2,6 +2,9 @@
 
 mod bits;
 mod entropy;
+mod frame;
+mod reach;
+mod scan;
 
 use super::decoded::{Picture, bytes_of, cannot_encode, malformed};
 use crate::{Error, Raster};
@@ -136,6 +139,68 @@ mod tests {
                 assert!(decode(&ended, origin).is_err(), "cut at {end} of {} and ended", bytes.len());
             }
         }
+    }
+
+    /// Bytes that are missing inside the scans leave codes that mean something else. What then fits the picture by chance, block for
+    /// block, is a picture to every decoder; the shares that do not fit are those measured, rounded down.
+    #[test]
+    fn bytes_missing_inside_the_scans_are_refused_where_they_can_be_told() {
+        let origin = Path::new("memory");
+        for (name, bytes, num_missing, least_share) in [
+            ("sequential", sequential(), 1, 0.58),
+            ("sequential", sequential(), 24, 0.86),
+            ("progressive", progressive(0), 1, 0.72),
+            ("progressive", progressive(0), 24, 0.99),
+            ("progressive with restarts", progressive(3), 1, 0.81),
+            ("progressive with restarts", progressive(3), 24, 0.99),
+        ] {
+            let (mut num_refused, mut num_all) = (0, 0);
+            for at in first_scan(&bytes)..bytes.len() - 2 - num_missing {
+                let damaged = [&bytes[..at], &bytes[at + num_missing..]].concat();
+                num_refused += usize::from(decode(&damaged, origin).is_err());
+                num_all += 1;
+            }
+            let share = num_refused as f64 / f64::from(num_all);
+            assert!(
+                share >= least_share,
+                "{name}, {num_missing} missing: {num_refused} of {num_all} refused"
+            );
+        }
+    }
+
+    /// Each code is whole and known, and there is a row of units too many or too few.
+    #[test]
+    fn another_number_of_units_than_the_frame_s_is_refused() {
+        let origin = Path::new("memory");
+        for bytes in [sequential(), progressive(0), progressive(3)] {
+            let frame = bytes.windows(2).position(|w| w == [0xFF, 0xC0] || w == [0xFF, 0xC2]).unwrap();
+            assert_eq!(bytes[frame + 5..frame + 7], [0, 50]);
+            for (rows, fits) in [(50, true), (64, true), (48, false), (65, false)] {
+                let mut other = bytes.clone();
+                other[frame + 6] = rows;
+                let units_fit = check_whole(&other, origin);
+                // Scans of one component hold no blocks below the picture, so that 64 rows fit whole units only.
+                let is_whole_units = bytes[frame + 1] == 0xC0;
+                if fits && (rows == 50 || is_whole_units) {
+                    units_fit.unwrap();
+                } else {
+                    assert!(units_fit.is_err(), "{rows} rows");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_past_white_is_refused() {
+        let white = encode_grey_as_rgb(&Raster::filled(32, 32, 255u8), 95).unwrap();
+        assert!(decode(&white, Path::new("memory")).is_ok());
+        // The first step of the first table is that of the mean: with a larger one, the same codes are beyond white.
+        let table = white.windows(2).position(|w| w == [0xFF, 0xDB]).unwrap();
+        let mut beyond = white;
+        assert!(beyond[table + 5] < 16, "a step of {}", beyond[table + 5]);
+        beyond[table + 5] *= 4;
+        let error = decode(&beyond, Path::new("memory")).unwrap_err().to_string();
+        assert!(error.contains("black or white"), "{error}");
     }
 
     #[test]

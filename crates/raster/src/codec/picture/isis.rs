@@ -5,11 +5,12 @@
 
 use super::found::{PictureFile, PictureFormat};
 use super::raw;
+use crate::beside::find_beside;
 use crate::dem::pds3::label::{self, Block, Value};
 use crate::dem::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
-use crate::file::find_beside;
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::{Error, Raster, file};
+use crate::{Error, Raster};
+use selenograph_files::regular;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -31,7 +32,7 @@ pub(super) fn read(path: &Path) -> Result<PictureFile, Error> {
 /// The `Core` object of the label. Only it is parsed: other parts hold values broken over lines with hyphens.
 fn core_object(path: &Path) -> Result<Block, Error> {
     let mut bytes = Vec::new();
-    let (file, _) = file::open(path).map_err(Error::io("open", path))?;
+    let (file, _) = regular::open(path).map_err(Error::io("open", path))?;
     file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();
     let is = |line: &str, key: &str, value: &str| {

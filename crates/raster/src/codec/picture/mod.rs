@@ -9,8 +9,8 @@ mod tiff;
 pub use found::{GreyUnit, PictureFile, PictureFormat};
 
 use crate::Error;
+use crate::beside::label_beside;
 use crate::content::{Content, content_of};
-use crate::file::label_beside;
 use std::path::Path;
 
 const FORMATS: &str = "PNG, JPEG, TIFF, PGM, a PDS3 label or image, a PDS4 label or an ISIS cube";

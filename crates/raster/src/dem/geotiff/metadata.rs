@@ -30,7 +30,11 @@ impl GdalMetadata {
                 Some("scale") => found.scale = number().filter(|v| *v != 0.0).unwrap_or(1.0),
                 Some("offset") => found.offset = number().unwrap_or(0.0),
                 Some("unittype") => found.unit = Some(text.to_owned()).filter(|unit| !unit.is_empty()),
-                Some("description") => found.band_name = Some(text.to_owned()),
+                // GDAL marks its texts before XML does.
+                Some("description") => {
+                    let name = text.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+                    found.band_name = Some(name);
+                }
                 _ => {}
             }
         }

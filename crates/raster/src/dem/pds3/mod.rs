@@ -6,10 +6,11 @@ mod map;
 use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_to_raster};
 use super::opened::{Opened, RowSource};
 use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn, of_band};
-use crate::file::find_beside;
+use crate::Error;
+use crate::beside::find_beside;
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
-use crate::{Error, file};
 use label::{Block, Value};
+use selenograph_files::regular;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -141,7 +142,7 @@ fn malformed(path: &Path, what: &str, expected: &str, found: impl ToString) -> E
 
 fn read_label(path: &Path) -> Result<Block, Error> {
     let mut bytes = Vec::new();
-    let (file, _) = file::open(path).map_err(Error::io("open", path))?;
+    let (file, _) = regular::open(path).map_err(Error::io("open", path))?;
     file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
     // Latin-1: every byte is a character, so an attached image does no harm.
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();

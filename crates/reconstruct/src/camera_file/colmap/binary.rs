@@ -3,7 +3,7 @@
 use super::models::MODELS;
 use super::{CameraRow, Image, Unexpected, checked};
 use crate::Error;
-use selenograph_raster::file;
+use selenograph_files::regular;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -54,7 +54,7 @@ fn take<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N], Unexpected> {
 
 /// Tells of every picture of a list.
 pub(super) fn images(path: &Path, each: &mut dyn FnMut(&str, Image)) -> Result<(), Error> {
-    let (list, length) = file::open(path).map_err(Error::io("read", path))?;
+    let (list, length) = regular::open(path).map_err(Error::io("read", path))?;
     let mut list = List { reader: BufReader::new(list), left: length, path };
     let count = u64::from_le_bytes(list.take()?);
     for _ in 0..count {

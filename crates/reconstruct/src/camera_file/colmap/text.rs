@@ -2,7 +2,7 @@
 
 use super::{CameraRow, Image, Unexpected, checked, model_named};
 use crate::{Error, input_file};
-use selenograph_raster::file;
+use selenograph_files::regular;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -46,7 +46,7 @@ fn camera(line: &str) -> Result<CameraRow, Unexpected> {
 
 /// Tells of every picture of a list: two lines each, of which the second, its points, may be empty.
 pub(super) fn images(path: &Path, each: &mut dyn FnMut(&str, Image)) -> Result<(), Error> {
-    let (list, _) = file::open(path).map_err(Error::io("read", path))?;
+    let (list, _) = regular::open(path).map_err(Error::io("read", path))?;
     let mut reader = BufReader::new(list);
     let bad = |expected: &str, found: &str| {
         let found: String = found.chars().take(80).collect();

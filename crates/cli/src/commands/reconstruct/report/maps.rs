@@ -14,14 +14,6 @@ use selenograph_report::{Column, Figure, Picture, Table};
 
 /// Slopes from here on have the brightest colour, degrees.
 const STEEP_DEG: f64 = 40.0;
-/// Colours that the colour-blind can tell apart, after Okabe and Ito 2008.
-const CLASSES: [(Hazard, Rgb, &str); 5] = [
-    (Hazard::Safe, [0, 158, 115], "safe"),
-    (Hazard::Slope, [213, 94, 0], "too steep"),
-    (Hazard::Roughness, [240, 228, 66], "too rough"),
-    (Hazard::Both, [110, 20, 90], "too steep and too rough"),
-    (Hazard::Unknown, [170, 178, 190], "cannot be told (striped): within its sigma of a limit"),
-];
 /// The stripes over what cannot be told, and their period and width, pixels.
 const STRIPES: (Rgb, usize, usize) = ([110, 118, 132], 8, 2);
 /// A sigma of the slope that leaves most ground tellable, degrees.
@@ -90,16 +82,19 @@ pub fn hazards(made: &Products, unit: &str) -> anyhow::Result<Figure> {
     let heights = shrunk(&made.dem.heights);
     let picture = Raster::from_fn(classes.width, classes.height, |x, y| {
         let class = classes[(x, y)];
-        let color = CLASSES.iter().find(|(c, ..)| *c == class).map_or([0; 3], |(_, color, _)| *color);
         match class {
             Hazard::Unknown if !heights[(x, y)].is_finite() => ABSENT,
             Hazard::Unknown if (x + y) % period < thickness => stripe,
-            _ => color,
+            _ => class.color(),
         }
     });
     let mut panel = as_map(Panel::new(Picture::exact(&picture)?, "Hazards"), made, unit);
-    for (_, color, meaning) in CLASSES {
-        panel = panel.key(color, meaning);
+    for class in Hazard::ALL {
+        let meaning = match class {
+            Hazard::Unknown => format!("{} (striped): within its sigma of a limit", class.words()),
+            _ => class.words().to_owned(),
+        };
+        panel = panel.key(class.color(), &meaning);
     }
     panel = panel.key(ABSENT, "no data: no height was measured");
     Ok(Figure::svg(panel.svg(), "Slope and roughness over the lander's footprint, against the limits below."))

@@ -10,9 +10,11 @@
 
 mod header;
 mod level;
+mod metadata;
 mod options;
 
-pub use options::{ByteOverviews, CogBand, CogOptions, CogPlace, CogSamples};
+pub use metadata::category_names;
+pub use options::{ByteOverviews, CogBand, CogClass, CogOptions, CogPlace, CogSamples};
 
 use super::write::{MAX_CLASSIC_BYTES, nodata_text, refuse_nodata};
 use super::write_keys::{geo_tags, local_tags};
@@ -21,6 +23,7 @@ use crate::tiff::tags::*;
 use crate::{Error, Raster};
 use header::GHOST_AREA;
 use level::Level;
+use metadata::{color_map, metadata_xml};
 use selenograph_files::FileDraft;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -58,7 +61,7 @@ impl CogWriter {
     ///
     /// # Errors
     /// [`Error::SizeMismatch`] for an empty raster, a side past 2³², a tile that is no multiple of 16, or no band;
-    /// [`Error::Io`].
+    /// [`Error::Encode`] for classes of anything but one band of bytes; [`Error::Io`].
     pub fn create(
         path: &Path,
         width: usize,
@@ -75,6 +78,13 @@ impl CogWriter {
                 expected: "sides from 1 to 2³², tiles of a multiple of 16 up to 4096, 1 to 64 bands"
                     .to_owned(),
                 found: format!("{width}×{height}, tiles of {side}, {} bands", options.bands.len()),
+            });
+        }
+        let holds_classes = matches!(options.samples, CogSamples::Byte { .. }) && options.bands.len() == 1;
+        if !holds_classes && !options.classes.is_empty() {
+            return Err(Error::Encode {
+                format: "GeoTIFF",
+                what: "classes are the numbers of one band of bytes".to_owned(),
             });
         }
         let geo_tags = match place {
@@ -191,14 +201,16 @@ impl CogWriter {
             CogSamples::Float32 { nodata } => (32, 3, 3, nodata_text(nodata)),
             CogSamples::Byte { nodata, .. } => (8, 1, 1, nodata.to_string()),
         };
+        let has_colors = !self.options.classes.is_empty();
+        // A palette, or black is zero.
+        let photometric = if has_colors { 3 } else { 1 };
         let mut tags = vec![
             Tag::long(NEW_SUBFILE_TYPE, u32::from(idx > 0)),
             Tag::long(IMAGE_WIDTH, level.width as u32),
             Tag::long(IMAGE_LENGTH, level.height as u32),
             Tag::shorts(BITS_PER_SAMPLE, &repeated(bits)),
             Tag::shorts(COMPRESSION, &[8]),
-            // Black is zero.
-            Tag::shorts(PHOTOMETRIC, &[1]),
+            Tag::shorts(PHOTOMETRIC, &[photometric]),
             Tag::shorts(SAMPLES_PER_PIXEL, &[num_bands as u16]),
             Tag::shorts(PLANAR_CONFIGURATION, &[1]),
             Tag::shorts(PREDICTOR, &[predictor]),
@@ -213,29 +225,17 @@ impl CogWriter {
             // Extra samples of no special meaning.
             tags.push(Tag::shorts(EXTRA_SAMPLES, &vec![0; num_bands - 1]));
         }
+        if has_colors {
+            tags.push(Tag::shorts(COLOR_MAP, &color_map(&self.options.classes)));
+        }
         if idx == 0 {
-            tags.push(Tag::text(GDAL_METADATA, &metadata_xml(&self.options.bands)));
+            let text = metadata_xml(&self.options.bands, &self.options.classes);
+            tags.push(Tag::text(GDAL_METADATA, &text));
             tags.extend(self.geo_tags.iter().map(|tag| Tag(tag.0, tag.1, tag.2, tag.3.clone())));
         }
         tags.sort_by_key(|tag| tag.0);
         tags
     }
-}
-
-/// Names and units of the bands as GDAL's metadata tag.
-fn metadata_xml(bands: &[CogBand]) -> String {
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    let item = |name: &str, idx: usize, role: &str, text: &str| {
-        format!("<Item name=\"{name}\" sample=\"{idx}\" role=\"{role}\">{}</Item>", escaped(text))
-    };
-    let mut xml = "<GDALMetadata>".to_owned();
-    for (idx, band) in bands.iter().enumerate() {
-        xml += &item("DESCRIPTION", idx, "description", &band.name);
-        if !band.unit.is_empty() {
-            xml += &item("UNITTYPE", idx, "unittype", &band.unit);
-        }
-    }
-    xml + "</GDALMetadata>"
 }
 
 /// Writes a whole raster of one band.

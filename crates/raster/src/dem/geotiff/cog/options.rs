@@ -67,6 +67,17 @@ impl CogBand {
     }
 }
 
+/// What a number of a raster of classes means, and how GIS programs show it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CogClass {
+    /// The number in the file.
+    pub number: u8,
+    /// What it means.
+    pub name: String,
+    /// Its colour.
+    pub color: [u8; 3],
+}
+
 /// What is written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CogOptions {
@@ -76,13 +87,16 @@ pub struct CogOptions {
     pub samples: CogSamples,
     /// The bands, at least one.
     pub bands: Vec<CogBand>,
+    /// What the numbers of one band of bytes mean: the file then holds a table of colours and the names. Empty for
+    /// everything else.
+    pub classes: Vec<CogClass>,
 }
 
 impl CogOptions {
     /// One band of 32-bit floats, NaN where absent, tiles of 512.
     pub fn float(name: &str, unit: &str) -> Self {
         let bands = vec![CogBand::new(name, unit)];
-        Self { tile_side: 512, samples: CogSamples::Float32 { nodata: None }, bands }
+        Self { tile_side: 512, samples: CogSamples::Float32 { nodata: None }, bands, classes: Vec::new() }
     }
 
     /// The same with a number where floats are absent, in place of NaN; classes keep theirs.
@@ -94,8 +108,8 @@ impl CogOptions {
     }
 
     /// One band of classes, tiles of 512.
-    pub fn classes(name: &str, nodata: u8, overviews: ByteOverviews) -> Self {
+    pub fn classes(name: &str, nodata: u8, overviews: ByteOverviews, classes: Vec<CogClass>) -> Self {
         let bands = vec![CogBand::new(name, "")];
-        Self { tile_side: 512, samples: CogSamples::Byte { nodata, overviews }, bands }
+        Self { tile_side: 512, samples: CogSamples::Byte { nodata, overviews }, bands, classes }
     }
 }

@@ -90,7 +90,7 @@ fn classes_keep_their_numbers_in_overviews() {
     classes.row_mut(0)[..6].copy_from_slice(&[3, 1, 2, 9, 9, 9]);
     classes.row_mut(1)[..6].copy_from_slice(&[1, 3, 2, 2, 9, 9]);
     for (overviews, expected) in [(ByteOverviews::Mode, [3.0, 2.0]), (ByteOverviews::Largest, [3.0, 2.0])] {
-        let options = CogOptions { tile_side: 16, ..CogOptions::classes("hazard", 9, overviews) };
+        let options = CogOptions { tile_side: 16, ..CogOptions::classes("hazard", 9, overviews, vec![]) };
         write_classes(&path, &classes, &local(), options).unwrap();
         let full = read_picture(&path).unwrap();
         assert_eq!((full.bits, full.grey[(0, 0)] * 255.0), (8, 3.0));
@@ -99,6 +99,43 @@ fn classes_keep_their_numbers_in_overviews() {
         assert_eq!([reduced[(0, 0)], reduced[(1, 0)]], expected);
         assert!(reduced[(2, 0)].is_nan());
     }
+}
+
+#[test]
+fn classes_have_colours_in_every_level_and_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.tif");
+    let class = |number, name: &str, color| CogClass { number, name: name.to_owned(), color };
+    let classes = vec![class(0, "no data", [1, 2, 3]), class(3, "steep & rough", [255, 128, 0])];
+    let options = CogOptions {
+        tile_side: 16,
+        ..CogOptions::classes("hazard", 0, ByteOverviews::Largest, classes.clone())
+    };
+    write_classes(&path, &Raster::filled(40, 3, 3u8), &local(), options.clone()).unwrap();
+    for file in [path.clone(), overview(&path, 0), overview(&path, 1)] {
+        let error = read_picture(&file).unwrap_err();
+        assert!(error.to_string().contains("palette"), "{error}");
+        let bytes = std::fs::read(&file).unwrap();
+        // 768 shorts, reds first.
+        let table: Vec<u8> = color_map(&classes).iter().flat_map(|value| value.to_le_bytes()).collect();
+        assert_eq!(table.len(), 2 * 768);
+        assert_eq!(table[..8], [1, 1, 0, 0, 0, 0, 255, 255]);
+        assert_eq!(table[512..520], [2, 2, 0, 0, 0, 0, 128, 128]);
+        assert!(bytes.windows(table.len()).any(|window| window == table));
+    }
+    let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+    assert!(text.contains("<Item name=\"CLASS_3\" sample=\"0\">steep &amp;amp; rough</Item>"), "{text}");
+    let names = category_names(&classes);
+    let found: Vec<&str> = names
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("<Category>")?.strip_suffix("</Category>"))
+        .collect();
+    assert_eq!(found, ["no data", "", "", "steep &amp; rough"]);
+    // The numbers themselves are read as before.
+    let heights = DemReader::open(&path, &OpenOptions::default()).err();
+    assert!(heights.is_some_and(|error| !error.to_string().contains("palette")), "it has no place on a body");
+    let floats = CogOptions { classes, ..CogOptions::float("height", "m") };
+    assert!(matches!(CogWriter::create(&path, 5, 5, &local(), floats), Err(Error::Encode { .. })));
 }
 
 #[test]
@@ -111,6 +148,7 @@ fn several_bands_and_a_number_for_absent() {
         tile_side: 16,
         samples: CogSamples::Float32 { nodata: Some(-32_768.0) },
         bands: vec![CogBand::new("height", "m"), CogBand::new("sigma & more", "m")],
+        classes: vec![],
     };
     let mut writer = CogWriter::create(&path, 20, 18, &south(2.0), options).unwrap();
     writer.write_rows(&pixels).unwrap();
@@ -119,6 +157,8 @@ fn several_bands_and_a_number_for_absent() {
         let options = OpenOptions { band: Some(band), ..OpenOptions::default() };
         let mut dem = DemReader::open(&path, &options).unwrap();
         assert_eq!(dem.info().nodata, [-32_768.0]);
+        let names = ["height", "sigma & more"];
+        assert_eq!(dem.info().band_name.as_deref(), Some(names[band - 1]));
         assert!(same(&dem.read_all().unwrap(), expected));
     }
 }
@@ -135,7 +175,7 @@ fn what_cannot_be_written_is_refused_and_cleaned_up() {
     assert!(writer.write_rows(&[0.0; 7]).is_err() && writer.write_rows(&[0.0; 30]).is_err());
     writer.write_rows(&[0.0; 10]).unwrap();
     assert!(writer.finish().is_err());
-    let bytes = CogOptions::classes("hazard", 0, ByteOverviews::Mode);
+    let bytes = CogOptions::classes("hazard", 0, ByteOverviews::Mode, vec![]);
     for sample in [256.0, -1.0, 0.5, f32::INFINITY] {
         let mut writer = CogWriter::create(&path, 1, 1, &local(), bytes.clone()).unwrap();
         assert!(writer.write_rows(&[sample]).is_err());

@@ -4,10 +4,12 @@
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Texts that people write (campaigns, cameras, plans): longer ones are not theirs.
 pub const MAX_TEXT_BYTES: u64 = 256 << 20;
+/// For files whose length their own reader judges.
+pub const ANY_LENGTH: u64 = u64::MAX;
 
 /// Opens a regular file; with its length.
 ///
@@ -24,14 +26,15 @@ pub fn open(path: &Path) -> Result<(File, u64)> {
 /// All bytes of a regular file of at most `max_bytes`.
 ///
 /// # Errors
-/// As [`open`]; [`ErrorKind::FileTooLarge`].
+/// As [`open`]; [`ErrorKind::FileTooLarge`]; [`ErrorKind::OutOfMemory`] for one that this machine cannot hold.
 pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path)?;
     if length > max_bytes {
         let what = format!("the file has {length} bytes; at most {max_bytes} are read of its kind");
         return Err(Error::new(ErrorKind::FileTooLarge, what));
     }
-    let mut bytes = Vec::with_capacity(length as usize);
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
     file.take(max_bytes).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -52,32 +55,6 @@ fn refuse_special(metadata: &std::fs::Metadata) -> Result<()> {
     }
     let what = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
     Err(Error::new(ErrorKind::InvalidInput, format!("{what}, not a regular file")))
-}
-
-/// The label of a raw image: the same name with another ending, of any case.
-pub(crate) fn label_beside(path: &Path) -> Option<PathBuf> {
-    let stem = path.file_stem()?.to_str()?;
-    let label = ["lbl", "xml"].iter().find_map(|ending| find_beside(path, &format!("{stem}.{ending}")))?;
-    (label != path).then_some(label)
-}
-
-/// The file of that name in the folder of `path`, whatever its case; the same case is preferred.
-pub(crate) fn find_beside(path: &Path, name: &str) -> Option<PathBuf> {
-    // Labels made on other systems may name folders; archives are rarely unpacked with them.
-    let name = name.rsplit(['/', '\\']).next().filter(|name| !name.is_empty())?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let exact = folder.join(name);
-    if exact.is_file() {
-        return Some(exact);
-    }
-    let mut matches: Vec<PathBuf> = std::fs::read_dir(folder)
-        .ok()?
-        .filter_map(|entry| entry.ok().map(|e| e.path()))
-        .filter(|p| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.eq_ignore_ascii_case(name)))
-        .filter(|p| p.is_file())
-        .collect();
-    matches.sort();
-    matches.into_iter().next()
 }
 
 #[cfg(test)]
@@ -104,6 +81,8 @@ mod tests {
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         for path in [pipe.as_path(), Path::new("/dev/zero")] {
             assert_eq!(read(path, 9).unwrap_err().kind(), ErrorKind::InvalidInput, "{}", path.display());
+            assert!(matches!(crate::checksum::of_file(path), Err(crate::Error::Io { .. })));
+            assert!(matches!(crate::record::read(path), Err(crate::Error::Io { .. })));
         }
     }
 }
