@@ -1,7 +1,7 @@
 //! The run record: what was run, on what, with which settings, and what came of it.
 
 use crate::names::is_own_name;
-use crate::{Error, checksum, write};
+use crate::{Error, FolderKind, checksum, write};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -134,11 +134,12 @@ pub fn read(path: &Path) -> Result<ReadRecord, Error> {
     })
 }
 
-/// Names every file of a complete folder in its record, where it has one: what others put into it later is none of them.
+/// Names every file of a complete folder in its record, where it has one, except those of parts of a kind of their own: what others
+/// put into it later is none of them.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Full`].
-pub(crate) fn name_files(folder: &Path) -> Result<(), Error> {
+pub(crate) fn name_files(folder: &Path, parts: &[(&str, &FolderKind)]) -> Result<(), Error> {
     let path = folder.join(RUN_NAME);
     let text = match std::fs::read_to_string(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
@@ -147,7 +148,8 @@ pub(crate) fn name_files(folder: &Path) -> Result<(), Error> {
     let above = text.rsplit_once(SUM).map_or(text.as_str(), |(above, _)| above);
     let mut written = Written::default();
     add_files(folder, "", &mut written.files)?;
-    written.files.remove(RUN_NAME);
+    let in_part = |file: &str| parts.iter().any(|(part, _)| Path::new(file).starts_with(part));
+    written.files.retain(|file| file != RUN_NAME && !in_part(file));
     let table = BTreeMap::from([("written", written)]);
     let list =
         toml::to_string_pretty(&table).map_err(|source| Error::Record { path: path.clone(), source })?;

@@ -162,7 +162,7 @@ impl FolderDraft {
         let moved = |source| Error::io("move the result to", &self.target)(source);
         let mut old = None;
         if let Some((_, kind, existing)) = &self.claimed {
-            record::name_files(&self.partial)?;
+            record::name_files(&self.partial, kind.parts)?;
             check_folder(&self.target, kind, *existing)?;
             if self.target.exists() {
                 let replaced = replaced_of(&self.target);

@@ -205,6 +205,32 @@ fn views_are_fused_by_inverse_variance() {
 }
 
 #[test]
+fn where_a_view_ends_the_fused_heights_have_no_step() {
+    let mut prediction = pair(plane(Vector3::z(), 400.0));
+    // As certain as A, and 8 units lower, from its 48th column on.
+    let [_, b] = prediction.views.as_mut().unwrap();
+    for (i, p) in b.points.data.iter_mut().enumerate() {
+        p[2] += 8.0;
+        if i % 96 < 48 {
+            (*p, b.fill.data[i]) = ([f32::NAN; 3], Fill::Absent);
+        }
+    }
+    let placement = place_metric(&prediction, World::Unknown).unwrap();
+    let dem = grid(&prediction, &placement, &GridOptions::default()).unwrap().0;
+    let row: Vec<(f32, u8)> = {
+        let y = dem.heights.height / 2;
+        dem.heights.row(y).iter().copied().zip(dem.count.row(y).iter().copied()).collect()
+    };
+    let begins = row.iter().position(|(_, count)| *count == 2).unwrap();
+    // Alone, A has its own height; sixteen pixels further it is the mean of both, half of 8 off, and no cell on the way jumps.
+    let (alone, mean) = (row[begins - 1].0, row[begins + 18].0);
+    assert!((alone - mean).abs() > 3.5, "{alone} {mean}");
+    let steps = row[begins - 3..begins + 19].windows(2).map(|two| (two[1].0 - two[0].0).abs());
+    let largest = steps.fold(0.0, f32::max);
+    assert!(largest < 0.6, "{largest}");
+}
+
+#[test]
 fn completed_points_fill_only_what_nothing_measured_covers() {
     let mut prediction = pair(plane(Vector3::z(), 400.0));
     for view in prediction.views.as_mut().unwrap() {
