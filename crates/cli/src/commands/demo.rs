@@ -264,6 +264,11 @@ mod tests {
         assert!(made().unwrap());
         let whole = contents(&folder);
         assert!(whole.contains_key(&folder.join("report.html")));
+        // The Moon took no part in the terrain, and is what it is held against.
+        let found = fs::read_to_string(folder.join("reconstruction/reconstruction.json")).unwrap();
+        let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+        assert_eq!(found["reference"]["placed_by_it"], false);
+        assert!(found["reference"]["num_cells"].as_u64().unwrap() > 1000, "{found}");
         // Complete, it is left alone.
         assert!(made().unwrap_err().to_string().contains("exists"));
         // What was not there yet when it was stopped: at the pages, at the evaluation, among the pairs.

@@ -178,12 +178,8 @@ impl LoadedPair {
             [&a, &b].map(|view| self.body.height_m(&view.world_from_cam.origin()) - ground_height);
         let altitude_m = 0.5 * (high_a + high_b);
         let ground = Ground { body: &self.body, site: self.site, trajectory: self.trajectory };
-        let relative = RelativeGeometry::new(
-            &self.body,
-            &ground.site([&a, &b]),
-            a.world_from_cam,
-            b.world_from_cam,
-        );
+        let relative =
+            RelativeGeometry::new(&self.body, &ground.site([&a, &b]), a.world_from_cam, b.world_from_cam);
         ItemRecord {
             pair: self.name.clone(),
             trajectory: self.trajectory,

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Raised when numbers of an older version must not be mixed with new ones.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 
 /// What decides the numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -58,6 +58,16 @@ fn place_metric(prediction: &Prediction, world: World) -> Result<Placement, Erro
     Priors { cam_b_from_cam_a: pose, world, ..Priors::default() }.place(prediction)
 }
 
+/// Camera A at the origin, looking straight down.
+fn looking_down() -> World {
+    let level_from_cam = lookat::from_forward_and_right::<selenograph_geometry::Enu>(
+        Point3::origin(),
+        &-Vector3::z(),
+        &Vector3::x(),
+    );
+    World::Level(level_from_cam.unwrap().relabel())
+}
+
 #[test]
 fn a_tilted_plane_is_flat_in_its_own_frame() {
     let prediction = pair(plane(Vector3::new(0.2, -0.3, -0.93).normalize(), -400.0));
@@ -184,16 +194,7 @@ fn views_are_fused_by_inverse_variance() {
     }
     a.sigma = Some(a.confidence.map(|_| 1.0));
     b.sigma = Some(b.confidence.map(|_| 3.0));
-    let world = World::Level(
-        lookat::from_forward_and_right::<selenograph_geometry::Enu>(
-            Point3::origin(),
-            &-Vector3::z(),
-            &Vector3::x(),
-        )
-        .unwrap()
-        .relabel(),
-    );
-    let placement = place_metric(&prediction, world).unwrap();
+    let placement = place_metric(&prediction, looking_down()).unwrap();
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
     // The rays of both views meet a cell at other angles: sigma of a height is that of the ray times its cosine.
     let middle = (dem.heights.width / 2, dem.heights.height / 2);
@@ -215,7 +216,7 @@ fn where_a_view_ends_the_fused_heights_have_no_step() {
             (*p, b.fill.data[i]) = ([f32::NAN; 3], Fill::Absent);
         }
     }
-    let placement = place_metric(&prediction, World::Unknown).unwrap();
+    let placement = place_metric(&prediction, looking_down()).unwrap();
     let dem = grid(&prediction, &placement, &GridOptions::default()).unwrap().0;
     let row: Vec<(f32, u8)> = {
         let y = dem.heights.height / 2;
