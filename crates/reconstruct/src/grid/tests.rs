@@ -228,7 +228,9 @@ fn where_a_view_ends_the_fused_heights_have_no_step() {
     assert!((alone - mean).abs() > 3.5, "{alone} {mean}");
     let steps = row[begins - 3..begins + 19].windows(2).map(|two| (two[1].0 - two[0].0).abs());
     let largest = steps.fold(0.0, f32::max);
-    assert!(largest < 0.6, "{largest}");
+    // B's share f_b / (f_a + f_b) changes by 1/16 / (f_a + f_b) a pixel at most, and f_a is above a half: an eighth of 8. Without
+    // the fading it is 4.
+    assert!(largest < 1.0, "{largest}");
 }
 
 #[test]
