@@ -123,7 +123,7 @@ pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
         entries.iter().map(|entry| [entry.label.clone(), ranges_of(entry)]).collect();
     let longest = labels.iter().flatten().map(|line| line.chars().count()).max().unwrap_or(0);
     let width = width.max(2 * MARGIN_PX + longest * zoom * font::ADVANCE_PX);
-    let num_letters = ((thumbnail_px + MARGIN_PX) / (zoom * font::ADVANCE_PX)).max(1);
+    let num_letters = (thumbnail_px / (zoom * font::ADVANCE_PX)).max(1);
     let heads: Vec<Vec<String>> = rows
         .first()
         .map_or_else(Vec::new, |row| row.iter().map(|(name, _)| wrapped(name, num_letters)).collect());
@@ -283,8 +283,8 @@ mod tests {
         let page = page(&[entry(), entry()], 32);
         // Two lights, depth, slope and lit of two views: ten columns.
         assert_eq!(page.width, 4 + 10 * 36);
-        // Lines of eight pixels: two over each row, and three over all, as `light 0` is wider than its column.
-        assert_eq!(page.height, 32 + 2 * (32 + 16 + 8) + 4);
+        // Lines of eight pixels: two over each row, and four over all, as `by 012` is wider than its column.
+        assert_eq!(page.height, 40 + 2 * (32 + 16 + 8) + 4);
         assert!(page.data.iter().filter(|p| **p == INK).count() > 200);
     }
 

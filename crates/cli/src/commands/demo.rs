@@ -277,7 +277,7 @@ mod tests {
             &["evaluation", "reconstruction"],
             &["sheets", "dataset/pairs/000/000002"],
         ];
-        let mut lost = Vec::new();
+        let mut lost: Vec<&str> = Vec::new();
         for stop in stops {
             lost.extend(stop);
             for name in &lost {

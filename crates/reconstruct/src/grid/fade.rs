@@ -9,6 +9,9 @@ use crate::prediction::Fill;
 /// Pixels from the border at which a view has its full weight: as wide as what windows of matching bend at the edge of a picture.
 const REACH: u16 = 16;
 
+/// The least weight: that of the border.
+pub const LEAST: f64 = 1.0 / REACH as f64;
+
 /// For each pixel, rows first: in (0, 1], rising with the distance (of a king's moves) from what was not measured and from the
 /// picture's edge.
 pub fn weights(view: &LiftedView) -> Vec<f32> {

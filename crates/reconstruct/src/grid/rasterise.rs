@@ -199,7 +199,12 @@ impl<'a> Surface<'a> {
         }
         let Some(plane) = Facet::new(corners) else { return };
         let weight = self.weight(&plane, corners, layout);
-        let fade = which.iter().map(|k| f64::from(self.fade[at[*k]])).sum::<f64>() / 3.0;
+        // Over the facet as heights are: constant in each, it would make terraces where the views disagree.
+        let fades: [Corner; 3] = std::array::from_fn(|k| {
+            let [u, v, ..] = *corners[k];
+            [u, v, self.fade[at[which[k]]], 0.0]
+        });
+        let Some(fading) = Facet::new(fades.each_ref()) else { return };
         let span = |axis: usize, from: usize| {
             let values = corners.map(|c| c[axis]);
             let low = values[0].min(values[1]).min(values[2]);
@@ -213,6 +218,8 @@ impl<'a> Surface<'a> {
                 let (u, v) = (column as f32 + CENTER, row as f32 + CENTER);
                 if plane.holds(u, v) {
                     let cell = &mut tile.cells[(row - tile.top) * TILE + column - tile.left];
+                    // Just outside a thin facet, by rounding, it could be none.
+                    let fade = f64::from(fading.height(u, v)).clamp(fade::LEAST, 1.0);
                     cell.add(f64::from(plane.height(u, v)), weight, fade, fill);
                 }
             }
