@@ -110,8 +110,8 @@ fn load(stored: &StoredPair) -> Result<Entry, Error> {
     Ok(Entry { label, pair })
 }
 
-/// One page: two lines of column names, then for each pair the two lines of its label and a row of thumbnails. The letters are as
-/// large as the page at its usual width needs.
+/// One page: the column names, wrapped to their columns, then for each pair the two lines of its label and a row of thumbnails. The
+/// letters are as large as the page at its usual width needs; a page is never narrower than its labels.
 pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
     let rows: Vec<Vec<(String, Raster<[u8; 3]>)>> =
         entries.iter().map(|entry| thumbnails(&entry.pair, thumbnail_px)).collect();
@@ -119,25 +119,42 @@ pub fn page(entries: &[Entry], thumbnail_px: usize) -> Raster<[u8; 3]> {
     let width = MARGIN_PX + num_columns * (thumbnail_px + MARGIN_PX);
     let zoom = (LETTER_PX / FONT_PX * width as f64 / SHOWN_PX).ceil().max(1.0) as usize;
     let line_px = zoom * font::LINE_PX;
-    let head_px = 2 * line_px + 2 * MARGIN_PX;
+    let labels: Vec<[String; 2]> =
+        entries.iter().map(|entry| [entry.label.clone(), ranges_of(entry)]).collect();
+    let longest = labels.iter().flatten().map(|line| line.chars().count()).max().unwrap_or(0);
+    let width = width.max(2 * MARGIN_PX + longest * zoom * font::ADVANCE_PX);
+    let num_letters = (thumbnail_px / (zoom * font::ADVANCE_PX)).max(1);
+    let heads: Vec<Vec<String>> = rows
+        .first()
+        .map_or_else(Vec::new, |row| row.iter().map(|(name, _)| wrapped(name, num_letters)).collect());
+    let head_px = heads.iter().map(Vec::len).max().unwrap_or(0) * line_px + 2 * MARGIN_PX;
     let row_px = thumbnail_px + 2 * line_px + 2 * MARGIN_PX;
     let mut page = Raster::filled(width, head_px + rows.len() * row_px + MARGIN_PX, PAPER);
-    for (row_idx, (entry, row)) in entries.iter().zip(&rows).enumerate() {
+    let left = |column: usize| MARGIN_PX + column * (thumbnail_px + MARGIN_PX);
+    for (column, head) in heads.iter().enumerate() {
+        for (k, line) in head.iter().enumerate() {
+            font::write(&mut page, [left(column), MARGIN_PX / 2 + k * line_px], line, zoom, INK);
+        }
+    }
+    for (row_idx, (label, row)) in labels.iter().zip(&rows).enumerate() {
         let top = head_px + row_idx * row_px;
-        for (k, line) in [entry.label.clone(), ranges_of(entry)].iter().enumerate() {
+        for (k, line) in label.iter().enumerate() {
             font::write(&mut page, [MARGIN_PX, top + k * line_px], line, zoom, INK);
         }
-        for (column, (name, picture)) in row.iter().enumerate() {
-            let left = MARGIN_PX + column * (thumbnail_px + MARGIN_PX);
-            if row_idx == 0 {
-                for (k, line) in name.lines().enumerate() {
-                    font::write(&mut page, [left, MARGIN_PX / 2 + k * line_px], line, zoom, INK);
-                }
-            }
-            paste(&mut page, picture, left, top + 2 * line_px + MARGIN_PX);
+        for (column, (_, picture)) in row.iter().enumerate() {
+            paste(&mut page, picture, left(column), top + 2 * line_px + MARGIN_PX);
         }
     }
     page
+}
+
+/// The lines of a name where they fit, else a line for each of its words, the ends of long words left out.
+fn wrapped(name: &str, num_letters: usize) -> Vec<String> {
+    let fits = |line: &str| line.chars().count() <= num_letters;
+    if name.lines().all(fits) {
+        return name.lines().map(str::to_owned).collect();
+    }
+    name.split_whitespace().map(|word| word.chars().take(num_letters).collect()).collect()
 }
 
 /// How far the ground is, and how fine it is seen.
@@ -266,9 +283,19 @@ mod tests {
         let page = page(&[entry(), entry()], 32);
         // Two lights, depth, slope and lit of two views: ten columns.
         assert_eq!(page.width, 4 + 10 * 36);
-        // Two lines of eight pixels over each row and over all.
-        assert_eq!(page.height, 24 + 2 * (32 + 16 + 8) + 4);
+        // Lines of eight pixels: two over each row, and four over all, as `by 012` is wider than its column.
+        assert_eq!(page.height, 40 + 2 * (32 + 16 + 8) + 4);
         assert!(page.data.iter().filter(|p| **p == INK).count() > 200);
+    }
+
+    #[test]
+    fn names_stay_in_their_columns_and_labels_on_the_page() {
+        assert_eq!(wrapped("A\nlight 0", 7), ["A", "light 0"]);
+        assert_eq!(wrapped("A slope\n0-40°", 6), ["A", "slope", "0-40°"]);
+        assert_eq!(wrapped("A\ndepth", 3), ["A", "dep"]);
+        let long = Entry { label: "a long name of a pair ".repeat(20), ..entry() };
+        let num_letters = long.label.chars().count();
+        assert_eq!(page(&[long], 16).width, 2 * 4 + num_letters * font::ADVANCE_PX);
     }
 
     #[test]

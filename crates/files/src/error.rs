@@ -3,6 +3,9 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+/// What a folder is that has no record of the command.
+pub(crate) const FOLDER_OF_OTHERS: &str = "a folder of something else";
+
 /// What goes wrong in writing.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -102,6 +105,10 @@ impl Error {
         match self {
             Self::NoName { .. } => Some("pass another --out"),
             Self::Exists { .. } => Some("pass --force to overwrite it, or another --out"),
+            Self::OtherKind { found: FOLDER_OF_OTHERS, .. } => Some(
+                "--force replaces only a folder with this command's record (run.toml) in it; those of older releases may have none: \
+                 remove it by hand if it may go, or pass another --out",
+            ),
             Self::OtherKind { .. } => {
                 Some("--force replaces only what this command has written: pass another --out")
             }

@@ -1,7 +1,10 @@
 //! How a command knows its own work again: only that is replaced.
 
 use crate::Error;
+use crate::error::FOLDER_OF_OTHERS;
 use crate::names::is_own_name;
+use crate::record::{self, RUN_NAME};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -76,20 +79,31 @@ impl FolderKind {
             Ok(_) => return other("no folder"),
             Err(_) => return other("a link to nothing"),
         }
-        if (self.is_own)(folder) { Ok(()) } else { other("a folder of something else") }
+        if (self.is_own)(folder) { Ok(()) } else { other(FOLDER_OF_OTHERS) }
     }
 
     /// Fails if there is anything else in it, too.
     pub(crate) fn check_replaceable(&self, folder: &Path) -> Result<(), Error> {
         self.check(folder)?;
-        match self.foreign(folder, Path::new(""))? {
+        match self.foreign(folder)? {
             None => Ok(()),
             Some(foreign) => Err(Error::Foreign { path: folder.to_owned(), expected: self.what, foreign }),
         }
     }
 
-    /// The first file, in the order of names, that is not of this command's making.
-    fn foreign(&self, folder: &Path, below: &Path) -> Result<Option<PathBuf>, Error> {
+    /// The first file, in the order of names, that is not of this command's making: it has a name that no file of the command
+    /// has, or one that the folder's record, where it names its files, does not name.
+    fn foreign(&self, folder: &Path) -> Result<Option<PathBuf>, Error> {
+        let named = record::read(&folder.join(RUN_NAME)).ok().and_then(|record| record.files);
+        self.foreign_below(folder, Path::new(""), named.as_ref())
+    }
+
+    fn foreign_below(
+        &self,
+        folder: &Path,
+        below: &Path,
+        named: Option<&BTreeSet<String>>,
+    ) -> Result<Option<PathBuf>, Error> {
         let path = folder.join(below);
         let entries = std::fs::read_dir(&path).and_then(Iterator::collect::<Result<Vec<_>, _>>);
         let mut entries = entries.map_err(Error::io("read", &path))?;
@@ -100,9 +114,11 @@ impl FolderKind {
                 continue;
             }
             let is_folder = entry.file_type().map_err(Error::io("read", &path))?.is_dir();
-            let found = match is_folder {
-                true => self.foreign(folder, &name)?,
-                false => (!self.owns(&name.to_string_lossy())).then_some(name),
+            let part = self.parts.iter().find(|(part, _)| is_folder && Path::new(part) == name);
+            let found = match (is_folder, part) {
+                (_, Some((_, kind))) => kind.foreign(&folder.join(&name))?.map(|foreign| name.join(foreign)),
+                (true, None) => self.foreign_below(folder, &name, named)?,
+                (false, None) => (!self.owns(&name.to_string_lossy(), named)).then_some(name),
             };
             if found.is_some() {
                 return Ok(found);
@@ -111,14 +127,9 @@ impl FolderKind {
         Ok(None)
     }
 
-    fn owns(&self, name: &str) -> bool {
-        let in_part = |(folder, kind): &(&str, &FolderKind)| {
-            name.strip_prefix(folder)
-                .and_then(|rest| rest.strip_prefix('/'))
-                .is_some_and(|rest| kind.owns(rest))
-        };
+    fn owns(&self, name: &str, named: Option<&BTreeSet<String>>) -> bool {
         self.names.iter().any(|pattern| matches(pattern.as_bytes(), name.as_bytes()))
-            || self.parts.iter().any(in_part)
+            && (name == RUN_NAME || named.is_none_or(|named| named.contains(name)))
     }
 }
 

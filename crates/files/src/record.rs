@@ -1,8 +1,9 @@
 //! The run record: what was run, on what, with which settings, and what came of it.
 
-use crate::{Error, checksum, write};
+use crate::names::is_own_name;
+use crate::{Error, FolderKind, checksum, write};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -58,8 +59,7 @@ impl<'a, S: Serialize, O: Serialize> RunRecord<'a, S, O> {
     /// [`Error::Record`] for a value that has no form in TOML.
     pub fn to_toml(&self) -> Result<String, Error> {
         let text = toml::to_string(self).map_err(|source| Error::Record { path: RUN_NAME.into(), source })?;
-        let sum = checksum::of_bytes(text.as_bytes());
-        Ok(format!("{text}{SUM}{sum}\n"))
+        Ok(with_sum(&text))
     }
 
     /// Writes the file.
@@ -86,6 +86,14 @@ pub struct ReadRecord {
     pub is_as_written: Option<bool>,
     /// The command's own.
     pub settings: Table,
+    /// The files that were written beside it, below its folder; absent for folders that are filled bit by bit.
+    pub files: Option<BTreeSet<String>>,
+}
+
+/// What is put on record when a folder is complete.
+#[derive(Default, Serialize, Deserialize)]
+struct Written {
+    files: BTreeSet<String>,
 }
 
 /// The common part.
@@ -98,6 +106,7 @@ struct Common {
     outcome: Option<Table>,
     #[serde(default)]
     settings: Table,
+    written: Option<Written>,
 }
 
 /// Reads a record.
@@ -121,7 +130,51 @@ pub fn read(path: &Path) -> Result<ReadRecord, Error> {
         outcome: common.outcome,
         is_as_written: is_as_written(&text),
         settings: common.settings,
+        files: common.written.map(|written| written.files),
     })
+}
+
+/// Names every file of a complete folder in its record, where it has one, except those of parts of a kind of their own: what others
+/// put into it later is none of them.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Full`].
+pub(crate) fn name_files(folder: &Path, parts: &[(&str, &FolderKind)]) -> Result<(), Error> {
+    let path = folder.join(RUN_NAME);
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        text => text.map_err(Error::io("read", &path))?,
+    };
+    let above = text.rsplit_once(SUM).map_or(text.as_str(), |(above, _)| above);
+    let mut written = Written::default();
+    add_files(folder, "", &mut written.files)?;
+    let in_part = |file: &str| parts.iter().any(|(part, _)| Path::new(file).starts_with(part));
+    written.files.retain(|file| file != RUN_NAME && !in_part(file));
+    let table = BTreeMap::from([("written", written)]);
+    let list =
+        toml::to_string_pretty(&table).map_err(|source| Error::Record { path: path.clone(), source })?;
+    write(&path, with_sum(&format!("{above}\n{list}")))
+}
+
+fn add_files(folder: &Path, below: &str, files: &mut BTreeSet<String>) -> Result<(), Error> {
+    for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
+        let entry = entry.map_err(Error::io("read", folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if is_own_name(&name) {
+            continue;
+        }
+        let below = format!("{below}{name}");
+        if entry.file_type().map_err(Error::io("read", folder))?.is_dir() {
+            add_files(&entry.path(), &format!("{below}/"), files)?;
+        } else {
+            files.insert(below);
+        }
+    }
+    Ok(())
+}
+
+fn with_sum(text: &str) -> String {
+    format!("{text}{SUM}{}\n", checksum::of_bytes(text.as_bytes()))
 }
 
 fn is_as_written(text: &str) -> Option<bool> {
@@ -167,5 +220,6 @@ fn of_old_release(mut table: Table) -> Option<ReadRecord> {
         outcome,
         is_as_written: None,
         settings,
+        files: None,
     })
 }

@@ -2,7 +2,7 @@
 
 use crate::lock::Lock;
 use crate::names::{LOCK, draft_name, lock_of, partial_of, remove, replaced_of};
-use crate::{Error, Existing, FileKind, FolderKind, leftovers};
+use crate::{Error, Existing, FileKind, FolderKind, leftovers, record};
 use std::path::{Path, PathBuf};
 
 /// Whether there is something at a path: a file, a link, or a folder with anything but our own leftovers in it.
@@ -162,6 +162,7 @@ impl FolderDraft {
         let moved = |source| Error::io("move the result to", &self.target)(source);
         let mut old = None;
         if let Some((_, kind, existing)) = &self.claimed {
+            record::name_files(&self.partial, kind.parts)?;
             check_folder(&self.target, kind, *existing)?;
             if self.target.exists() {
                 let replaced = replaced_of(&self.target);

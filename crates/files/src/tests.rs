@@ -234,6 +234,9 @@ fn only_the_own_is_replaced() {
     for name in ["out", "keep"] {
         let error = FolderDraft::claim(&at(name), &SEVERAL, Existing::Replace).unwrap_err();
         assert!(matches!(error, Error::OtherKind { found: "a folder of something else", .. }), "{error}");
+        assert!(
+            error.hint().unwrap().contains("older releases") && error.hint().unwrap().contains("by hand")
+        );
     }
     // An empty folder is nobody's loss.
     std::fs::create_dir(at("empty")).unwrap();
@@ -250,6 +253,29 @@ fn only_the_own_is_replaced() {
     std::fs::write(at("notes"), "").unwrap();
     file("notes").unwrap();
     assert!(names(dir.path()).iter().all(|name| !name.starts_with('.')), "{:?}", names(dir.path()));
+}
+
+#[test]
+fn a_file_that_the_record_does_not_name_is_foreign_whatever_its_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    made(&out, Existing::Refuse).unwrap();
+    let read = || record::read(&out.join("run.toml")).unwrap();
+    assert_eq!(read().files, Some(["pictures/001.png".to_owned()].into()));
+    assert_eq!(read().is_as_written, Some(true));
+    std::fs::write(out.join("pictures/002.png"), PNG).unwrap();
+    assert!(matches!(
+        made(&out, Existing::Replace),
+        Err(Error::Foreign { ref foreign, .. }) if foreign == Path::new("pictures/002.png")
+    ));
+    std::fs::remove_file(out.join("pictures/002.png")).unwrap();
+    made(&out, Existing::Replace).unwrap();
+    // One that is filled bit by bit, and those of older releases, name none: patterns are all there is.
+    let old = dir.path().join("old");
+    fill(&old);
+    assert_eq!(record::read(&old.join("run.toml")).unwrap().files, None);
+    std::fs::write(old.join("pictures/002.png"), PNG).unwrap();
+    made(&old, Existing::Replace).unwrap();
 }
 
 #[cfg(unix)]

@@ -24,6 +24,7 @@ pub mod pipeline;
 mod prediction;
 pub mod priors;
 pub mod products;
+pub mod reference;
 pub mod relative_pose;
 pub mod scale;
 pub mod scene;

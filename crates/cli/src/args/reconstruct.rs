@@ -135,6 +135,9 @@ pub struct ProductChoice {
     /// Number written where rasters of floats are absent [default: NaN]
     #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
     pub nodata: Option<f32>,
+    /// Elevation model to hold the heights against, in the report: it takes no part in the answer. Without it that of --dem
+    #[arg(long, value_name = "FILE", requires = "world_from_cam_a")]
+    pub reference: Option<PathBuf>,
     /// No report.html
     #[arg(long)]
     pub no_report: bool,
@@ -148,6 +151,7 @@ impl Default for ProductChoice {
             max_roughness_m: None,
             footprint_m: None,
             nodata: None,
+            reference: None,
             no_report: false,
         }
     }

@@ -33,9 +33,18 @@ use selenograph_terrain::store::TERRAIN;
 use serde::Serialize;
 use std::path::Path;
 
-/// Side and cell of the Moon that is made: 41 km round the pole.
-const SIDE: usize = 4096;
-const CELL_M: f64 = 10.0;
+/// How large everything is.
+struct Size {
+    /// Side of the Moon that is made, cells.
+    side: usize,
+    /// Side of a cell, metres.
+    cell_m: f64,
+    /// Side of a picture, pixels; the campaign's own where there is none.
+    picture_px: Option<usize>,
+}
+
+/// 41 km round the pole.
+const SIZE: Size = Size { side: 4096, cell_m: 10.0, picture_px: None };
 const CAMPAIGN: &str = include_str!("../demo.toml");
 /// What the pairs are judged with: ours, the truth itself, and a plane as the lower anchor.
 const METHODS: [&str; 3] = ["stereo", "truth", "plane"];
@@ -71,6 +80,10 @@ struct Made<'a> {
 /// # Errors
 /// A target that cannot be written.
 pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
+    make(args, &SIZE, ui)
+}
+
+fn make(args: &Demo, size: &Size, ui: &Ui) -> anyhow::Result<Outcome> {
     let held = args.target.held(&DEMO)?;
     begin(&held, args)?;
     let folder = held.path();
@@ -83,13 +96,14 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
 
     if is_missing("moon.tif") {
         ui.note(&format!(
-            "a Moon of {} km in cells of {CELL_M} m, seed {} …",
-            SIDE as f64 * CELL_M / 1000.0,
+            "a Moon of {} km in cells of {} m, seed {} …",
+            size.side as f64 * size.cell_m / 1000.0,
+            size.cell_m,
             args.seed
         ));
         let synth = Synth {
-            size: SIDE,
-            cell_m: CELL_M,
+            size: size.side,
+            cell_m: size.cell_m,
             seed: args.seed,
             relief: 1.0,
             crater_density: None,
@@ -104,7 +118,7 @@ pub fn run(args: &Demo, ui: &Ui) -> anyhow::Result<Outcome> {
             Import { files: vec![at("moon.tif")], reading: Reading::default(), target: target("terrain") };
         ui.timed("import", || dem_import::run(&import, &quiet))?;
     }
-    let skipped = make_pairs(folder, args.seed, ui)?;
+    let skipped = make_pairs(folder, args.seed, size, ui)?;
     if is_missing("sheets") {
         let sheet = Sheet { dataset: at("dataset"), pairs: 64, thumbnail_px: 144, target: target("sheets") };
         ui.timed("sheet", || data_sheet::run(&sheet, &quiet))?;
@@ -162,8 +176,11 @@ fn begin(held: &HeldFolder, args: &Demo) -> anyhow::Result<()> {
 }
 
 /// The pairs that could not be made, and why.
-fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Vec<String>> {
-    let campaign = Campaign { seed, ..Campaign::from_toml(CAMPAIGN)? };
+fn make_pairs(folder: &Path, seed: u64, size: &Size, ui: &Ui) -> anyhow::Result<Vec<String>> {
+    let mut campaign = Campaign { seed, ..Campaign::from_toml(CAMPAIGN)? };
+    if let Some(side) = size.picture_px {
+        (campaign.camera.width_px, campaign.camera.height_px) = (side, side);
+    }
     let terrain = Terrain::open(&folder.join("terrain"))?;
     let tracer = Tracer::new(&terrain, campaign.render.surface);
     ui.note(&format!("{} pairs under {} lights …", campaign.num_pairs(), campaign.lights.len()));
@@ -176,7 +193,7 @@ fn make_pairs(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Vec<String>> 
 }
 
 /// Terrain from the pictures of the first pair under its first light: cameras, the place of A and the distance to B are known, the
-/// pose of B is not.
+/// pose of B is not. The Moon that was made is only compared with.
 fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome> {
     let pairs = stored::own(&folder.join("dataset"), ReadOptions::default())?;
     let pair = pairs.first().context("the dataset holds no pair")?;
@@ -198,11 +215,79 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
         complete: false,
         network: NetworkChoice::default(),
         learned: LearnedChoice::default(),
-        products: ProductChoice::default(),
+        products: ProductChoice { reference: Some(folder.join("moon.tif")), ..ProductChoice::default() },
         matches: None,
         matches_convention: KConvention::Corner,
         seed,
         target: Target { out: folder.join("reconstruction"), force: false },
     };
     reconstruct::run(&args, ui)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+    use std::fs;
+
+    const SMALL: Size = Size { side: 1024, cell_m: 40.0, picture_px: Some(160) };
+
+    /// Every file below a folder, with its bytes.
+    fn contents(folder: &Path) -> BTreeMap<std::path::PathBuf, Vec<u8>> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let files = entries.flat_map(|path| match path.is_dir() {
+            true => contents(&path),
+            false => BTreeMap::from([(path.clone(), fs::read(&path).unwrap())]),
+        });
+        files.collect()
+    }
+
+    /// Without the times that stand in them, and in the pages that quote them.
+    fn timeless(files: &BTreeMap<std::path::PathBuf, Vec<u8>>) -> Vec<(&Path, Option<&[u8]>)> {
+        let tells_time = |path: &Path| {
+            let name = path.to_string_lossy();
+            ["run.toml", ".html", "summary.json"].iter().any(|ending| name.ends_with(ending))
+        };
+        files
+            .iter()
+            .map(|(path, bytes)| (path.as_path(), (!tells_time(path)).then_some(&bytes[..])))
+            .collect()
+    }
+
+    #[test]
+    fn a_demo_that_was_stopped_anywhere_goes_on_to_the_same_end() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("demo");
+        let demo = Demo { seed: 1, target: Target { out: folder.clone(), force: false } };
+        let ui = Ui::plain().without_notes();
+        let made = || make(&demo, &SMALL, &ui).map(|outcome| matches!(outcome, Outcome::Done));
+        assert!(made().unwrap());
+        let whole = contents(&folder);
+        assert!(whole.contains_key(&folder.join("report.html")));
+        // The Moon took no part in the terrain, and is what it is held against.
+        let found = fs::read_to_string(folder.join("reconstruction/reconstruction.json")).unwrap();
+        let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+        assert_eq!(found["reference"]["placed_by_it"], false);
+        assert!(found["reference"]["num_cells"].as_u64().unwrap() > 1000, "{found}");
+        // Complete, it is left alone.
+        assert!(made().unwrap_err().to_string().contains("exists"));
+        // What was not there yet when it was stopped: at the pages, at the evaluation, among the pairs.
+        let stops: [&[&str]; 3] = [
+            &["report.html", "dataset.html", "terrain.html"],
+            &["evaluation", "reconstruction"],
+            &["sheets", "dataset/pairs/000/000002"],
+        ];
+        let mut lost: Vec<&str> = Vec::new();
+        for stop in stops {
+            lost.extend(stop);
+            for name in &lost {
+                let path = folder.join(name);
+                if path.is_dir() { fs::remove_dir_all(path).unwrap() } else { fs::remove_file(path).unwrap() }
+            }
+            write_record(&folder, DEMO.command, &[], &Settings { seed: 1 }, NO_OUTCOME).unwrap();
+            assert!(made().unwrap(), "{lost:?}");
+            assert_eq!(timeless(&contents(&folder)), timeless(&whole), "{lost:?}");
+            assert!(record::read(&folder.join(RUN_NAME)).unwrap().outcome.is_some());
+        }
+    }
 }

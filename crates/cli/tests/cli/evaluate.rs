@@ -67,6 +67,16 @@ fn anchors_are_measured_and_everything_is_written() {
     assert!(
         found[0]["rra_deg"].as_f64().unwrap() < 1e-6 && found[0]["overlap"]["chamfer_10k_floor_m"].is_f64()
     );
+    // One word, one number: the record's, the check's and the evaluation's.
+    for line in &found {
+        let pair = format!("dataset/pairs/000/{}/pair.json", line["pair"].as_str().unwrap());
+        let record: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(place.path(&pair)).unwrap()).unwrap();
+        for key in ["baseline_over_height", "relative_rotation_deg"] {
+            let [told, found] = [&record[key], &line[key]].map(|value| value.as_f64().unwrap());
+            assert!((told - found).abs() < 1e-9, "{pair} {key}: {told} {found}");
+        }
+    }
     let page = std::fs::read_to_string(place.path("evaluation/report.html")).unwrap();
     for words in ["paper-compatible form", "honest form", "floor / ceiling", "data:image/png;base64", "<svg"]
     {

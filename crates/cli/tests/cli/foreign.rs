@@ -88,6 +88,30 @@ fn what_is_made_of_datasets_replaces_its_own_only() {
 }
 
 #[test]
+fn a_file_with_a_name_like_ours_is_told_from_ours() {
+    let place = with_dataset();
+    for (line, foreign) in [
+        ("evaluate dataset --method plane --method truth", "tables/mine.csv"),
+        ("data sheet dataset", "sheet_777.png"),
+        ("data export dataset", "nadir_1/im_77777.jpg"),
+    ] {
+        place.run(&format!("{line} --out own -q")).ok();
+        std::fs::create_dir_all(place.path(&format!("own/{foreign}")).parent().unwrap()).unwrap();
+        let foreign_path = place.write(&format!("own/{foreign}"), "mine");
+        let forced = place.run(&format!("{line} --out own --force -q"));
+        forced.refused(&format!("`own` holds `{foreign}`, which is no part of"), "move it elsewhere");
+        std::fs::remove_file(foreign_path).unwrap();
+        place.run(&format!("{line} --out own --force -q")).ok();
+        // Of a release that wrote no record, the way out is told.
+        std::fs::remove_file(place.path("own/run.toml")).unwrap();
+        place
+            .run(&format!("{line} --out own --force -q"))
+            .refused("`own` is a folder of something else", "by hand");
+        std::fs::remove_dir_all(place.path("own")).unwrap();
+    }
+}
+
+#[test]
 fn what_is_made_of_pictures_replaces_its_own_only() {
     let place = with_pair();
     folder_is_safe(&place, "reconstruct a.png b.png --fov-deg 45 --baseline-m 80");

@@ -111,8 +111,9 @@ fn check_own(
         check.add_geometry(geometry::check_pair(&name, [a, b], &ground, options.step));
         let cameras = ViewName::BOTH.map(|view| open.camera_record(view).ok().flatten());
         if let [Some(camera_a), Some(camera_b)] = cameras {
-            let (cameras, depths) = ([camera_a, camera_b], [&a.depth_z, &b.depth_z]);
-            check.findings.extend(record::check(&Told { stored, open, record, cameras, depths, dataset }));
+            let (cameras, views, depths) = ([camera_a, camera_b], [a, b], [&a.depth_z, &b.depth_z]);
+            let told = Told { stored, open, record, cameras, views, depths, dataset };
+            check.findings.extend(record::check(&told));
         }
     }
     check

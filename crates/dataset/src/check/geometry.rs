@@ -41,7 +41,8 @@ pub struct Ground<'a> {
 }
 
 impl Ground<'_> {
-    fn site(&self, views: [&DepthView; 2]) -> Geodetic {
+    /// The site that is told, or else the one that an import of the same poses would tell.
+    pub fn site(&self, views: [&DepthView; 2]) -> Geodetic {
         let derived = || import::site(self.trajectory, views, self.body);
         // Optical axes that never meet have no crossing to aim at.
         let below_a = || Geodetic { height_m: 0.0, ..self.body.place(&views[0].world_from_cam.origin()) };

@@ -3,8 +3,10 @@
 //! Nothing here trusts a name: depths are warped from view to view, and what agrees is what is stored.
 
 mod dataset;
+mod exposure;
 mod folder;
 mod geometry;
+mod nadir;
 pub mod numbers;
 mod pose;
 pub mod principal_point;
@@ -15,6 +17,7 @@ pub mod reprojection;
 pub(crate) mod synthetic;
 
 pub use folder::CheckOptions;
+pub use geometry::Ground;
 pub use report::{Code, Finding, FolderKind, Report, Severity};
 
 use crate::Error;

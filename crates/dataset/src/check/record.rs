@@ -1,27 +1,27 @@
 //! The records of a pair against what they are derived from: the code that writes them, run again on poses, plan and pictures.
 //!
-//! Three numbers need the terrain or the radiance and are taken as told: a camera's altitude over the terrain, the gain and
-//! offset of an exposure (both views of a `pair-gain` have to agree), and which of the ground in the other frame is hidden.
+//! What needs the terrain or the radiance is held between the bounds that the pair itself gives, and kept as told within
+//! them: a camera's altitude over the terrain ([`nadir`](super::nadir), where a view sees the ground straight below), the gain
+//! and offset of an exposure ([`exposure`](super::exposure)), and which of the ground in the other frame is hidden.
 
 use super::dataset::Dataset;
+use super::nadir;
 use super::report::{Code, Finding, Severity};
 use super::reprojection::{Carrier, DepthView};
 use crate::Error;
 use crate::generate::scene::OVERLAP_STRIDE;
 use crate::import::triplets as import;
 use crate::pair::{
-    CameraRecord, ExposureRecord, ImportedSuns, OverlapRecord, PAIR_NAME, PairRecord, SunRecord,
-    ViewMeasures, ViewName, camera_name, correspondence_name,
+    CameraRecord, ImportedSuns, OverlapRecord, PAIR_NAME, PairRecord, SunRecord, ViewMeasures, ViewName,
+    camera_name, correspondence_name,
 };
 use crate::photometric;
 use crate::plan::coverage::in_frame;
-use crate::plan::rendering::ToneKind;
 use crate::plan::{Campaign, PlacedPair, Row};
 use crate::stored::triplets::trajectory_of;
-use crate::stored::{OpenPair, StoredPair};
+use crate::stored::{OpenPair, RawView, StoredPair};
 use selenograph_geometry::{BodyFixed, Cam, Camera, Geodetic, Point2, Rigid3, pixel};
 use selenograph_raster::Raster;
-use selenograph_raster::codec::Picture;
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -32,7 +32,9 @@ pub(super) struct Told<'a> {
     pub open: &'a OpenPair<'a>,
     pub record: &'a PairRecord,
     pub cameras: [CameraRecord; 2],
-    /// z-depth of A and B, metres.
+    /// A and B as they are stored.
+    pub views: [&'a RawView; 2],
+    /// Their z-depth, metres.
     pub depths: [&'a Raster<f32>; 2],
     pub dataset: Option<&'a Dataset>,
 }
@@ -80,7 +82,7 @@ impl Told<'_> {
         self.row()?.placed.as_ref()
     }
 
-    fn campaign(&self) -> Option<&Campaign> {
+    pub(super) fn campaign(&self) -> Option<&Campaign> {
         self.dataset?.campaign.as_ref()
     }
 
@@ -100,7 +102,7 @@ impl Told<'_> {
         let (camera, world_from_cam) = self.posed(idx)?;
         let derived = ViewMeasures::of_depth(self.depths[idx].data.iter().map(|z| f64::from(*z)), &camera);
         let measures = ViewMeasures {
-            altitude_over_terrain_m: told.altitude_over_terrain_m,
+            altitude_over_terrain_m: self.altitude_over_terrain_m(idx)?,
             gsd_m: derived.gsd_m.map(|gsd_m| kept(told.gsd_m, gsd_m, F32_STEP * gsd_m)),
             ..derived
         };
@@ -113,14 +115,35 @@ impl Told<'_> {
         Ok(CameraRecord { k, k_pixel_convention: told.k_pixel_convention, ..again })
     }
 
+    /// As it is told where it agrees with the ground that a view sees straight below. Where none does, a camera of a campaign
+    /// keeps the campaign's clearance, and any camera is above ground.
+    fn altitude_over_terrain_m(&self, idx: usize) -> Result<Option<f64>, Error> {
+        // An import has no terrain to ask.
+        if self.record.source.is_some() {
+            return Ok(None);
+        }
+        let told = self.cameras[idx].altitude_over_terrain_m;
+        let posed = [self.posed(0)?, self.posed(1)?];
+        let [own, other] = [idx, 1 - idx].map(|idx| self.depth_view(idx, &posed));
+        let position = own.world_from_cam.origin();
+        let body = &self.record.body;
+        Ok(match nadir::below(&position, body, [&own, &other]) {
+            Some(ground) => Some(kept(told, body.height_m(&position) - ground.height_m, ground.tolerance_m)),
+            None => {
+                let least = self.campaign().map_or(0.0, |campaign| campaign.limits.min_clearance_m);
+                told.map(|told| told.max(least))
+            }
+        })
+    }
+
+    fn depth_view<'b>(&'b self, idx: usize, posed: &'b [Posed; 2]) -> DepthView<'b> {
+        DepthView { camera: &posed[idx].0, world_from_cam: &posed[idx].1, depth_z: self.depths[idx] }
+    }
+
     fn pair(&self) -> Result<PairRecord, Error> {
         let record = self.record;
         let posed = [self.posed(0)?, self.posed(1)?];
-        let [a, b] = [0, 1].map(|idx| DepthView {
-            camera: &posed[idx].0,
-            world_from_cam: &posed[idx].1,
-            depth_z: self.depths[idx],
-        });
+        let [a, b] = [0, 1].map(|idx| self.depth_view(idx, &posed));
         let (mut trajectory, mut site, mut overlap) =
             (record.trajectory, record.site.place(), self.overlap([&a, &b]));
         if let Some(source) = &record.source {
@@ -168,61 +191,6 @@ impl Told<'_> {
         .collect()
     }
 
-    /// Those that pictures and masks confirm as they are told, the others as they have to be.
-    fn exposures(&self) -> Result<Vec<ExposureRecord>, Error> {
-        let told = &self.record.exposures;
-        let num_wanted = if self.campaign().is_some() { 2 * self.record.suns.len() } else { told.len() };
-        let mut again: Vec<ExposureRecord> = Vec::new();
-        for (n, exposure) in told.iter().take(num_wanted).enumerate() {
-            let first = again.get(n / 2 * 2).filter(|_| n % 2 == 1).cloned();
-            again.push(self.exposure(n, exposure, first.as_ref())?);
-        }
-        // One that is lacking differs from what is there by its being there.
-        let lacking = told.last().cloned().unwrap_or_else(|| ExposureRecord {
-            light_idx: 0,
-            view: ViewName::A,
-            tone: String::new(),
-            gain: 0.0,
-            offset: 0.0,
-            bits: 0,
-            saturated_share: 0.0,
-            lit_share: 0.0,
-        });
-        again.resize(num_wanted, lacking);
-        Ok(again)
-    }
-
-    fn exposure(
-        &self,
-        n: usize,
-        told: &ExposureRecord,
-        first: Option<&ExposureRecord>,
-    ) -> Result<ExposureRecord, Error> {
-        let (light_idx, view) = (n / 2, ViewName::BOTH[n % 2]);
-        let mut again = ExposureRecord { light_idx, view, ..told.clone() };
-        if let Some(campaign) = self.campaign() {
-            again.tone = campaign.tone.kind.as_str().into();
-        }
-        if let Some(first) = first.filter(|_| again.tone == ToneKind::PairGain.as_str()) {
-            (again.gain, again.offset) = (first.gain, first.offset);
-        }
-        let depth_z = self.depths[n % 2];
-        let num_pixels = depth_z.data.len().max(1) as f64;
-        let light = light_idx as u64;
-        let (bits, num_full) = match self.open.picture(view, light, (depth_z.width, depth_z.height))? {
-            Picture::Grey16(grey) => (16, grey.data.iter().filter(|level| **level == u16::MAX).count()),
-            Picture::Grey8(grey) => (8, grey.data.iter().filter(|level| **level == u8::MAX).count()),
-            Picture::Rgb8(_) => (8, 0),
-        };
-        again.bits = bits;
-        // What is just below full scale is rounded up to it.
-        again.saturated_share = told.saturated_share.clamp(0.0, num_full as f64 / num_pixels);
-        if let Some(lit) = self.open.lit(view, light)? {
-            again.lit_share = lit.data.iter().filter(|lit| **lit > 0).count() as f64 / num_pixels;
-        }
-        Ok(again)
-    }
-
     /// Of a rendered pair.
     fn overlap(&self, [a, b]: [&DepthView<'_>; 2]) -> OverlapRecord {
         let told = &self.record.overlap;
@@ -260,7 +228,7 @@ const EDGE_SHARE: f64 = 1e-3;
 const EDGE_PIXELS: f64 = 2.0;
 
 /// The number that is told where it is near enough to the derived one.
-fn kept(told: Option<f64>, derived: f64, tolerance: f64) -> f64 {
+pub(super) fn kept(told: Option<f64>, derived: f64, tolerance: f64) -> f64 {
     told.filter(|told| (told - derived).abs() <= tolerance).unwrap_or(derived)
 }
 

@@ -37,9 +37,12 @@ pub struct TestView {
 }
 
 impl TestView {
-    /// What its depth tells.
+    /// What its depth and its shape tell.
     fn measures(&self) -> ViewMeasures {
-        ViewMeasures::of_depth(self.depth_z.data.iter().map(|z| f64::from(*z)), &self.camera)
+        ViewMeasures {
+            altitude_over_terrain_m: Some(Shape::default().altitude_m(&self.world_from_cam)),
+            ..ViewMeasures::of_depth(self.depth_z.data.iter().map(|z| f64::from(*z)), &self.camera)
+        }
     }
 
     pub fn view(&self) -> DepthView<'_> {
@@ -84,6 +87,12 @@ impl Shape {
             if at(middle) > 0.0 { low = middle } else { high = middle }
         }
         0.5 * (low + high)
+    }
+
+    /// Height of a camera that looks downwards over the ground straight below it, metres.
+    pub fn altitude_m(&self, world_from_cam: &Rigid3<BodyFixed, Cam>) -> f64 {
+        let down = world_from_cam.inverse().vector(&-world_from_cam.origin().coords.normalize());
+        self.depth_z(world_from_cam, &(down / down.z)) / down.z
     }
 
     /// From a place, looking `tilt_deg` off the vertical towards an azimuth, level or straight down.

@@ -1,4 +1,4 @@
-use super::synthetic::{TestView, oblique_pair, write_own_pair};
+use super::synthetic::{TestView, nadir_pair, oblique_pair, write_own_pair};
 use super::*;
 use crate::export::stereolunar::{ExportOptions, write_pair};
 use crate::stored::{StereoPair, StereoView};
@@ -270,6 +270,30 @@ fn every_derived_number_of_a_record_is_derived_again() {
         let found = report.findings.iter().find(|f| f.code == Code::Record);
         assert!(found.is_some_and(|f| f.place.ends_with(name)), "{name} {pointer}: {report}");
     }
+}
+
+#[test]
+fn an_altitude_over_the_terrain_is_held_against_the_ground_below() {
+    let found = |views: &[TestView; 2], altitude: fn(f64) -> Option<f64>| {
+        let root = tempfile::tempdir().unwrap();
+        let folder = write_own_pair(root.path(), 7, views);
+        edit(&folder, "b.camera.json", |record| {
+            let told = record["altitude_over_terrain_m"].as_f64().unwrap();
+            record["altitude_over_terrain_m"] = altitude(told).into();
+        });
+        let report = checked(&root);
+        let found = report.findings.iter().find(|f| f.code == Code::Record).cloned();
+        found.map(|f| (f.place.ends_with("b.camera.json"), f.message.contains("altitude_over_terrain_m")))
+    };
+    let (seen, unseen) = (nadir_pair(SIDE), oblique_pair(SIDE));
+    for views in [&seen, &unseen] {
+        assert_eq!(found(views, Some), None);
+        assert_eq!(found(views, |altitude_m| Some(-altitude_m)), Some((true, true)));
+    }
+    assert_eq!(found(&seen, |altitude_m| Some(1.05 * altitude_m)), Some((true, true)));
+    assert_eq!(found(&seen, |_| None), Some((true, true)));
+    // No view sees the ground below: that it is above ground is all that can be said.
+    assert_eq!(found(&unseen, |altitude_m| Some(1.05 * altitude_m)), None);
 }
 
 #[test]

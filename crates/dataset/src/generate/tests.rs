@@ -326,6 +326,39 @@ fn what_is_generated_passes_its_check_until_something_is_missing_or_edited() {
 }
 
 #[test]
+fn an_edited_exposure_is_found_by_the_radiance_of_depth_sun_and_law() {
+    for tone in [
+        rendering::ToneSection::default(),
+        rendering::ToneSection { kind: rendering::ToneKind::MinMax, bits: 8, ..Default::default() },
+    ] {
+        let target = tempfile::tempdir().unwrap();
+        let campaign = Campaign { tone, ..campaign() };
+        run_all(&campaign, &planned(&campaign), target.path(), Existing::Refuse).unwrap();
+        assert_eq!(found(target.path()), []);
+        let folder = pair_folder(target.path(), 1);
+        let right: PairRecord = read_json(&folder.join("pair.json")).unwrap();
+        let edits: [fn(&mut PairRecord); 5] = [
+            |record| record.exposures[0].gain *= 1.3,
+            |record| (record.exposures[0].gain, record.exposures[1].gain) = (-1.0, -1.0),
+            |record| record.exposures[3].offset += 0.2,
+            // Both alike, as one gain has to be.
+            |record| record.exposures.iter_mut().for_each(|exposure| exposure.gain *= 1.3),
+            |record| record.exposures[2].offset -= 0.2,
+        ];
+        for edit in edits {
+            let mut record = right.clone();
+            edit(&mut record);
+            let text = crate::pair::json_text(&record, &folder).unwrap();
+            fs::write(folder.join("pair.json"), text).unwrap();
+            let found = found(target.path());
+            let is_told =
+                |(code, place): &(Code, String)| *code == Code::Record && place.ends_with("pair.json");
+            assert!(found.iter().any(is_told), "{:?}: {:?} {found:?}", campaign.tone.kind, record.exposures);
+        }
+    }
+}
+
+#[test]
 fn the_plan_that_is_there_is_read_where_campaign_and_inputs_are_the_same() {
     let target = tempfile::tempdir().unwrap();
     let campaign = campaign();

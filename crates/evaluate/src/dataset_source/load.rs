@@ -4,11 +4,12 @@ use super::entry::Entry;
 use super::pixel_fault::PixelFault;
 use crate::Error;
 use crate::truth::{Precision, TruthPair, TruthView};
+use selenograph_dataset::check::Ground;
 use selenograph_dataset::check::reprojection::{DepthView, OUTLIER, warp};
-use selenograph_dataset::pair::{PairRecord, Trajectory, ViewName};
+use selenograph_dataset::pair::{PairRecord, RelativeGeometry, Trajectory, ViewName};
 use selenograph_dataset::photometric;
 use selenograph_dataset::stored::OpenPair;
-use selenograph_geometry::{Body, Vector3};
+use selenograph_geometry::{Body, Geodetic, Vector3};
 use selenograph_raster::codec::exr::SampleType;
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::View;
@@ -67,7 +68,7 @@ pub struct ItemRecord {
     pub gsd_m: f64,
     /// Share of A's pixels whose ground B sees.
     pub overlap_share: f64,
-    /// Distance between the cameras over the altitude.
+    /// Distance between the cameras over the mean of their altitudes over the site, as in `pair.json`.
     pub baseline_over_height: f64,
     /// Angle of the rotation between the cameras, degrees.
     pub relative_rotation_deg: f64,
@@ -84,6 +85,8 @@ pub struct LoadedPair {
     pub trajectory: Option<Trajectory>,
     /// The body.
     pub body: Body,
+    /// The ground that it was aimed at, where a record tells it.
+    pub site: Option<Geodetic>,
     /// Cameras, poses, depth.
     pub truth: TruthPair,
     /// Whether depth was stored in 11 significant bits.
@@ -112,11 +115,13 @@ impl LoadedPair {
                 Err(error) => left_out.push(format!("{} light {light}: {error}", entry.name)),
             }
         }
+        let site = pair.record.as_ref().map(|record| record.site.place());
         let (body, suns_deg) = body_and_suns(pair.record);
         Ok(Self {
             name: entry.name.clone(),
             trajectory: entry.trajectory,
             body,
+            site,
             truth,
             is_half_float,
             pictures,
@@ -172,7 +177,9 @@ impl LoadedPair {
         let [high_a, high_b] =
             [&a, &b].map(|view| self.body.height_m(&view.world_from_cam.origin()) - ground_height);
         let altitude_m = 0.5 * (high_a + high_b);
-        let (a_pose, b_pose) = (a.world_from_cam, b.world_from_cam);
+        let ground = Ground { body: &self.body, site: self.site, trajectory: self.trajectory };
+        let relative =
+            RelativeGeometry::new(&self.body, &ground.site([&a, &b]), a.world_from_cam, b.world_from_cam);
         ItemRecord {
             pair: self.name.clone(),
             trajectory: self.trajectory,
@@ -184,8 +191,8 @@ impl LoadedPair {
             altitude_m,
             gsd_m: a.camera.gsd_m(median_z),
             overlap_share: seen as f64 / num_warped as f64,
-            baseline_over_height: (b_pose.origin() - a_pose.origin()).norm() / altitude_m,
-            relative_rotation_deg: (&b_pose.inverse() * a_pose).rotation_angle_rad().to_degrees(),
+            baseline_over_height: relative.baseline_over_height,
+            relative_rotation_deg: relative.relative_rotation_rad.to_degrees(),
             truth_is_half_float: self.is_half_float,
         }
     }

@@ -1,5 +1,6 @@
 //! Points into an elevation model: both pointmaps as surfaces, sampled at the cells of a regular grid.
 
+mod fade;
 pub mod frame;
 pub mod lift;
 pub mod mesh;
@@ -82,9 +83,10 @@ impl Dem {
 
 /// An elevation model of a placed prediction, with the points it was made of.
 ///
-/// Both views are gridded as surfaces and fused by inverse variance: `h = Σ wᵢ hᵢ / Σ wᵢ`, `wᵢ = 1/σᵢ²`. Both come from
-/// the same two pictures, so their errors are not independent and averaging them is no gain:
-/// `σ² = n / Σ wᵢ + Σ wᵢ (hᵢ − h)² / Σ wᵢ` (their typical variance, and how far they disagree).
+/// Both views are gridded as surfaces and fused by inverse variance: `h = Σ wᵢ hᵢ / Σ wᵢ`, `wᵢ = fᵢ/σᵢ²`, where `fᵢ` falls from
+/// 1 towards the border of what a view has measured, so that the heights have no step there. Both come from the same two
+/// pictures, so their errors are not independent and averaging them is no gain:
+/// `σ² = Σ fᵢ / Σ wᵢ + Σ wᵢ (hᵢ − h)² / Σ wᵢ` (their typical variance, and how far they disagree).
 ///
 /// # Errors
 /// [`Error::TooFewPoints`] for a prediction without a surface; [`Error::Value`] for a cell that is not positive,
@@ -135,7 +137,7 @@ impl Gathered {
     fn sigma(&self) -> f64 {
         let mean = self.weighted / self.weight;
         let disagreement = (self.squared / self.weight - mean * mean).max(0.0);
-        (f64::from(self.count) / self.weight + disagreement).sqrt()
+        (self.presence / self.weight + disagreement).sqrt()
     }
 }
 

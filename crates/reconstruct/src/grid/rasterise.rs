@@ -3,6 +3,7 @@
 //! Each tile is filled by one thread in a fixed order of triangles, so the result does not depend on the number of
 //! threads. Neighbouring triangles share their edge exactly (no cell is missed, none is counted twice).
 
+use super::fade;
 use super::lift::{Lifted, LiftedView};
 use super::mesh::{DOWN, RIGHT};
 use crate::prediction::Fill;
@@ -34,11 +35,13 @@ pub struct Layout {
 /// What one cell has gathered.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gathered {
-    /// Σ w.
+    /// Σ f: how much the views count there.
+    pub presence: f64,
+    /// Σ f w.
     pub weight: f64,
-    /// Σ w h.
+    /// Σ f w h.
     pub weighted: f64,
-    /// Σ w h².
+    /// Σ f w h².
     pub squared: f64,
     /// Number of triangles (as a rule, of views) over the cell's centre.
     pub count: u32,
@@ -50,6 +53,8 @@ pub struct Gathered {
 struct Surface<'a> {
     view: &'a LiftedView<'a>,
     joins: &'a [u8],
+    /// How much each pixel counts beside the other view.
+    fade: Vec<f32>,
     center: [f32; 3],
     /// Columns and rows covered by each block: `[u0, v0, u1, v1]`.
     blocks: Vec<[f32; 4]>,
@@ -125,7 +130,7 @@ impl<'a> Surface<'a> {
                 bounds
             })
             .collect();
-        Self { view, joins, center, blocks, blocks_across }
+        Self { view, joins, fade: fade::weights(view), center, blocks, blocks_across }
     }
 
     /// Draws the triangles whose least certain corner is of kind `fill`.
@@ -194,6 +199,12 @@ impl<'a> Surface<'a> {
         }
         let Some(plane) = Facet::new(corners) else { return };
         let weight = self.weight(&plane, corners, layout);
+        // Over the facet as heights are: constant in each, it would make terraces where the views disagree.
+        let fades: [Corner; 3] = std::array::from_fn(|k| {
+            let [u, v, ..] = *corners[k];
+            [u, v, self.fade[at[which[k]]], 0.0]
+        });
+        let Some(fading) = Facet::new(fades.each_ref()) else { return };
         let span = |axis: usize, from: usize| {
             let values = corners.map(|c| c[axis]);
             let low = values[0].min(values[1]).min(values[2]);
@@ -207,7 +218,9 @@ impl<'a> Surface<'a> {
                 let (u, v) = (column as f32 + CENTER, row as f32 + CENTER);
                 if plane.holds(u, v) {
                     let cell = &mut tile.cells[(row - tile.top) * TILE + column - tile.left];
-                    cell.add(f64::from(plane.height(u, v)), weight, fill);
+                    // Just outside a thin facet, by rounding, it could be none.
+                    let fade = f64::from(fading.height(u, v)).clamp(fade::LEAST, 1.0);
+                    cell.add(f64::from(plane.height(u, v)), weight, fade, fill);
                 }
             }
         }
@@ -250,13 +263,15 @@ fn overlaps(a: &[f32; 4], b: &[f32; 4]) -> bool {
 }
 
 impl Gathered {
-    fn add(&mut self, height: f64, weight: f64, fill: Fill) {
+    fn add(&mut self, height: f64, weight: f64, fade: f64, fill: Fill) {
         if fill == Fill::Completed && self.fill == Fill::Measured {
             return;
         }
-        self.weight += weight;
-        self.weighted += weight * height;
-        self.squared += weight * height * height;
+        let faded = fade * weight;
+        self.presence += fade;
+        self.weight += faded;
+        self.weighted += faded * height;
+        self.squared += faded * height * height;
         self.count += 1;
         self.fill = fill;
     }

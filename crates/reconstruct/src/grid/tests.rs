@@ -58,6 +58,16 @@ fn place_metric(prediction: &Prediction, world: World) -> Result<Placement, Erro
     Priors { cam_b_from_cam_a: pose, world, ..Priors::default() }.place(prediction)
 }
 
+/// Camera A at the origin, looking straight down.
+fn looking_down() -> World {
+    let level_from_cam = lookat::from_forward_and_right::<selenograph_geometry::Enu>(
+        Point3::origin(),
+        &-Vector3::z(),
+        &Vector3::x(),
+    );
+    World::Level(level_from_cam.unwrap().relabel())
+}
+
 #[test]
 fn a_tilted_plane_is_flat_in_its_own_frame() {
     let prediction = pair(plane(Vector3::new(0.2, -0.3, -0.93).normalize(), -400.0));
@@ -184,16 +194,7 @@ fn views_are_fused_by_inverse_variance() {
     }
     a.sigma = Some(a.confidence.map(|_| 1.0));
     b.sigma = Some(b.confidence.map(|_| 3.0));
-    let world = World::Level(
-        lookat::from_forward_and_right::<selenograph_geometry::Enu>(
-            Point3::origin(),
-            &-Vector3::z(),
-            &Vector3::x(),
-        )
-        .unwrap()
-        .relabel(),
-    );
-    let placement = place_metric(&prediction, world).unwrap();
+    let placement = place_metric(&prediction, looking_down()).unwrap();
     let (dem, _) = grid(&prediction, &placement, &GridOptions::default()).unwrap();
     // The rays of both views meet a cell at other angles: sigma of a height is that of the ray times its cosine.
     let middle = (dem.heights.width / 2, dem.heights.height / 2);
@@ -202,6 +203,34 @@ fn views_are_fused_by_inverse_variance() {
     // Typical variance 2 / (1 + 1/9) = 1.8, disagreement 0.9·0.09 + 0.1·7.29 = 0.81.
     let expected = (1.8f64 + 0.81).sqrt();
     assert!((f64::from(dem.sigma[middle]) - expected).abs() < 0.02 * expected, "{}", dem.sigma[middle]);
+}
+
+#[test]
+fn where_a_view_ends_the_fused_heights_have_no_step() {
+    let mut prediction = pair(plane(Vector3::z(), 400.0));
+    // As certain as A, and 8 units lower, from its 48th column on.
+    let [_, b] = prediction.views.as_mut().unwrap();
+    for (i, p) in b.points.data.iter_mut().enumerate() {
+        p[2] += 8.0;
+        if i % 96 < 48 {
+            (*p, b.fill.data[i]) = ([f32::NAN; 3], Fill::Absent);
+        }
+    }
+    let placement = place_metric(&prediction, looking_down()).unwrap();
+    let dem = grid(&prediction, &placement, &GridOptions::default()).unwrap().0;
+    let row: Vec<(f32, u8)> = {
+        let y = dem.heights.height / 2;
+        dem.heights.row(y).iter().copied().zip(dem.count.row(y).iter().copied()).collect()
+    };
+    let begins = row.iter().position(|(_, count)| *count == 2).unwrap();
+    // Alone, A has its own height; sixteen pixels further it is the mean of both, half of 8 off, and no cell on the way jumps.
+    let (alone, mean) = (row[begins - 1].0, row[begins + 18].0);
+    assert!((alone - mean).abs() > 3.5, "{alone} {mean}");
+    let steps = row[begins - 3..begins + 19].windows(2).map(|two| (two[1].0 - two[0].0).abs());
+    let largest = steps.fold(0.0, f32::max);
+    // B's share f_b / (f_a + f_b) changes by 1/16 / (f_a + f_b) a pixel at most, and f_a is above a half: an eighth of 8. Without
+    // the fading it is 4.
+    assert!(largest < 1.0, "{largest}");
 }
 
 #[test]

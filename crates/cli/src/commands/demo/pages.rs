@@ -1,6 +1,5 @@
 //! The demo's own pages: the story, and what it is about: the terrain and the dataset.
 
-use super::{CELL_M, SIDE};
 use anyhow::Context;
 use selenograph_dataset::pair::{PairRecord, Trajectory};
 use selenograph_dataset::stored::{self, ReadOptions};
@@ -46,6 +45,10 @@ struct Map {
     heights: Raster<f32>,
     /// Side of a sample, metres.
     cell_m: f64,
+    /// Side of a cell of the file, metres.
+    file_cell_m: f64,
+    /// Length of a row, metres.
+    length_m: f64,
 }
 
 impl Map {
@@ -54,15 +57,21 @@ impl Map {
         let [step, _] = reader.info().map_from_pixel.steps();
         let heights = reader.read_all()?;
         let factor = heights.width.max(heights.height).div_ceil(MAP_PX).max(1);
-        Ok(Self { heights: resample::block_mean(&heights, factor), cell_m: step.abs() * factor as f64 })
+        let file_cell_m = step.abs();
+        Ok(Self {
+            length_m: file_cell_m * heights.width as f64,
+            heights: resample::block_mean(&heights, factor),
+            cell_m: file_cell_m * factor as f64,
+            file_cell_m,
+        })
     }
 
     fn gradient(&self) -> gradient::Gradient {
         gradient::horn(&self.heights, [self.cell_m; 2])
     }
 
-    fn length_m(&self) -> f64 {
-        self.cell_m * self.heights.width as f64
+    fn length_km(&self) -> String {
+        format!("{} km", fixed(self.length_m / 1e3, 0))
     }
 
     fn ends_m(&self) -> [f64; 2] {
@@ -73,12 +82,12 @@ impl Map {
     fn hillshade(&self, title: &str, caption: &str) -> anyhow::Result<Figure> {
         let [azimuth, elevation] = LAMP_DEG.map(f64::to_radians);
         let shade = Colormap::Grey.paint(&self.gradient().hillshade(azimuth, elevation), 0.0, 1.0);
-        let panel = Panel::new(Picture::photo(&shade)?, title).width(HALF).scale_bar(self.length_m(), "m");
+        let panel = Panel::new(Picture::photo(&shade)?, title).width(HALF).scale_bar(self.length_m, "m");
         Ok(Figure::svg(panel.svg(), caption))
     }
 
     fn colored(&self, values: &Raster<f32>, title: &str, bar: ColorBar) -> anyhow::Result<Figure> {
-        let panel = Panel::of_values(values, title, bar)?.width(HALF).scale_bar(self.length_m(), "m");
+        let panel = Panel::of_values(values, title, bar)?.width(HALF).scale_bar(self.length_m, "m");
         let has_gaps = values.data.iter().any(|value| !value.is_finite());
         let panel = if has_gaps { panel.key(ABSENT, "no data") } else { panel };
         Ok(Figure::svg(panel.svg(), ""))
@@ -121,10 +130,11 @@ fn front_page(
     let found = Found::read(&folder.join("reconstruction"))?;
     let mut page = Page::new("A synthetic Moon, and what two pictures of it tell");
     page.lead("Two pictures from a camera that moved: how far did it move, and what is the ground like? Here the truth is known.");
-    page.key_numbers(key_numbers(pairs, &found, overview));
+    page.key_numbers(key_numbers(moon, pairs, &found, overview));
     page.section("1. A Moon is made").paragraph(&format!(
-        "{} km of ground round the pole with craters of all sizes, a height every {CELL_M} m.",
-        fixed(SIDE as f64 * CELL_M / 1e3, 0)
+        "{} of ground round the pole with craters of all sizes, a height every {} m.",
+        moon.length_km(),
+        moon.file_cell_m
     ));
     page.figure(&moon.hillshade("The ground, lit from the upper left", "")?);
     page.links([("terrain.html", "more of the terrain: heights, slopes, numbers")]);
@@ -183,13 +193,14 @@ impl Found {
 }
 
 fn key_numbers(
+    moon: &Map,
     pairs: &[(PathBuf, PairRecord)],
     found: &Found,
     overview: &[Overview],
 ) -> Vec<(String, &'static str)> {
     let num_pictures: usize = pairs.iter().map(|(_, record)| 2 * record.suns.len()).sum();
     let mut numbers = vec![
-        (format!("{} km", fixed(SIDE as f64 * CELL_M / 1e3, 0)), "of synthetic Moon, on a side"),
+        (moon.length_km(), "of synthetic Moon, on a side"),
         (num_pictures.to_string(), "pictures of it, with exact truth"),
     ];
     numbers.extend(found.direction_sigma_deg.map(|sigma| {
@@ -217,7 +228,7 @@ fn terrain_page(moon: &Map) -> anyhow::Result<String> {
         "Craters of all sizes on rolling ground round the south pole; the same seed gives the same Moon.",
     );
     page.key_numbers([
-        (format!("{} km", fixed(SIDE as f64 * CELL_M / 1e3, 0)), "on a side"),
+        (moon.length_km(), "on a side"),
         (format!("{} m", fixed(high - low, 0)), "from the lowest to the highest place"),
         (
             median.map_or_else(|| "not known".into(), |[median, _]| format!("{}°", fixed(median, 1))),
@@ -230,7 +241,11 @@ fn terrain_page(moon: &Map) -> anyhow::Result<String> {
         moon.colored_heights()?,
         moon.colored(&slopes_deg, "Slope", bar)?,
     ]);
-    page.paragraph(&format!("Shown in cells of {} m; the files have {CELL_M} m.", fixed(moon.cell_m, 0)));
+    page.paragraph(&format!(
+        "Shown in cells of {} m; the files have {} m.",
+        fixed(moon.cell_m, 0),
+        moon.file_cell_m
+    ));
     page.section("Files").links([
         ("moon.tif", "the heights, GeoTIFF"),
         ("terrain/", "the same as tiles for rendering"),

@@ -65,6 +65,7 @@ impl Reconstruct {
             &known.world_from_cam_b,
             &known.dem,
             &known.points,
+            &self.products.reference,
             &self.matches,
             &self.network.weights,
         ];

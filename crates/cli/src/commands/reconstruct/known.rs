@@ -69,7 +69,7 @@ pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Sum
     }
     summary.relative_pose = priors.cam_b_from_cam_a.is_some();
     if let Some(path) = &known.dem {
-        let dem = dem(path, &priors.world)?;
+        let dem = dem("--dem", path, &priors.world)?;
         summary.dem_cell_m = Some(dem.cell_m());
         priors.dem = Some(dem);
     }
@@ -150,11 +150,14 @@ fn level(up: &Vector3<f64>) -> Rotation3<f64> {
     ]))
 }
 
-/// The part of an elevation model round the ground that a camera can see.
-fn dem(path: &Path, world: &World) -> anyhow::Result<DemPatch> {
+/// The part of an elevation model round the ground that a camera can see; `option` named it.
+///
+/// # Errors
+/// A world that is no body's, a file that cannot be read or lies elsewhere.
+pub fn dem(option: &str, path: &Path, world: &World) -> anyhow::Result<DemPatch> {
     let World::Body { body, body_from_cam_a } = world else {
         return Err(refuse(
-            "--dem needs the place of the first camera on a body",
+            format!("{option} needs the place of the first camera on a body"),
             "pass --world-from-cam-a with a pose in `moon_me`",
         ));
     };

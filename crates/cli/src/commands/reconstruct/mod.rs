@@ -4,6 +4,7 @@ mod inputs;
 mod known;
 mod network_choice;
 mod pose_file;
+mod reference;
 mod report;
 mod scene;
 
@@ -15,6 +16,7 @@ use crate::args::reconstruct::{ProductChoice, Reconstruct};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
 use inputs::Pictures;
+use reference::Reference;
 use selenograph_files::{FolderKind, record};
 use selenograph_pose::relative::CannotSay as Why;
 use selenograph_reconstruct::evidence::FocalKnowledge;
@@ -76,6 +78,9 @@ struct Answer {
     pictures: [String; 2],
     /// Absent where none was asked for.
     pose: Option<pose_file::PoseRecord>,
+    /// Absent where no elevation model was named, or none of the place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<reference::Record>,
     warnings: Vec<String>,
 }
 
@@ -99,6 +104,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let draft = args.target.folder(&RECONSTRUCTION)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
     let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, &pictures))?;
+    let reference = Reference::read(args, &priors)?;
     let options = options(args, &pictures);
     let product_options = product_options(&args.products, args.complete);
     for note in &pictures.notes {
@@ -136,6 +142,10 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let answer = Answer {
         pictures: pictures.paths.each_ref().map(|path| path.display().to_string()),
         pose: pose.clone(),
+        reference: match &reference {
+            Some(reference) => reference.compared(&found, &made, ui)?,
+            None => None,
+        },
         warnings: found.warnings.iter().map(ToString::to_string).collect(),
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
@@ -148,7 +158,9 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     };
     let run_toml = write_record(folder, RECONSTRUCTION.command, &args.files(), &settings, NO_OUTCOME)?;
     if !args.products.no_report {
-        let page = ui.timed("report", || report::page(&pictures, &found, &made, pose.as_ref(), &run_toml))?;
+        let page = ui.timed("report", || {
+            report::page(&pictures, &found, &made, pose.as_ref(), answer.reference.as_ref(), &run_toml)
+        })?;
         write(folder, "report.html", &page)?;
     }
     ui.timed("move into place", || draft.commit())?;

@@ -1,9 +1,11 @@
 //! `report.html` of a reconstruction.
 
 mod maps;
+mod residuals;
 
 use super::inputs::Pictures;
 use super::pose_file::PoseRecord;
+use super::reference;
 use maps::{frame_words, hazard_table, hazards, terrain, what_would_tell};
 use selenograph_geometry::Point3;
 use selenograph_raster::colormap::Colormap;
@@ -33,6 +35,7 @@ pub fn page(
     found: &Reconstruction,
     made: &Products,
     pose: Option<&PoseRecord>,
+    reference: Option<&reference::Record>,
     run_toml: &str,
 ) -> anyhow::Result<String> {
     let names = pictures.paths.each_ref().map(|path| name_of(path));
@@ -45,6 +48,10 @@ pub fn page(
     page.key_numbers(key_numbers(made, pose, unit));
     page.section("Terrain").figures(&terrain(made, unit)?);
     page.figure(&central_profile(made, unit));
+    if let Some(reference) = reference {
+        page.section("Against the reference").paragraph(&residuals::sentence(reference));
+        page.figure(&residuals::by_slope(reference)).table(&residuals::shares(reference)?);
+    }
     page.section("Points").points(&cloud(made, unit), "Every measured point");
     page.section("Hazards").figure(&hazards(made, unit)?).table(&hazard_table(made, unit)?);
     if let Some(text) = what_would_tell(made, unit) {

@@ -46,7 +46,7 @@ impl DemPatch {
         let mut reader = DemReader::open(path, options)?;
         let info = reader.info().clone();
         let outside = || Error::Undetermined {
-            what: "scale from an elevation model",
+            what: "place on an elevation model",
             why: format!("the scene lies outside `{}`", path.display()),
         };
         let [x, y] = info.crs.projection.map_from_point(center).ok_or_else(outside)?;
