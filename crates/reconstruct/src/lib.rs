@@ -28,6 +28,7 @@ pub mod reference;
 pub mod relative_pose;
 pub mod scale;
 pub mod scene;
+pub mod shading;
 pub mod stereo;
 mod subpixel;
 pub mod transform_file;

@@ -17,6 +17,15 @@ pub(crate) struct LevelCamera {
     pub lens: Option<Distortion>,
 }
 
+/// A pixel and its derivatives.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PixelOfRay {
+    pub x: f32,
+    pub y: f32,
+    /// Rows: the derivatives of `x` and of `y` by the ray's two coordinates.
+    pub by_ray: [[f32; 2]; 2],
+}
+
 impl LevelCamera {
     /// A camera whose picture was halved `level_idx` times.
     pub(crate) fn new(camera: &Camera, level_idx: usize) -> Self {
@@ -27,6 +36,30 @@ impl LevelCamera {
             cx: (camera.cx / scale) as f32,
             cy: (camera.cy / scale) as f32,
             lens: (!camera.distortion.is_none()).then_some(camera.distortion),
+        }
+    }
+
+    /// Where a ray `x/z`, `y/z` meets the picture.
+    #[inline]
+    pub(crate) fn pixel(&self, x: f32, y: f32) -> PixelOfRay {
+        let Some(lens) = &self.lens else {
+            let (px, py) = (self.fx * x + self.cx, self.fy * y + self.cy);
+            return PixelOfRay { x: px, y: py, by_ray: [[self.fx, 0.0], [0.0, self.fy]] };
+        };
+        // The lens model is f64 and has no public derivative: differences serve.
+        const STEP: f64 = 1e-4;
+        let (x, y) = (f64::from(x), f64::from(y));
+        let (x0, y0) = lens.distort(x, y);
+        let (x1, y1) = lens.distort(x + STEP, y);
+        let (x2, y2) = lens.distort(x, y + STEP);
+        let by = |f: f32, d: f64| f * (d / STEP) as f32;
+        PixelOfRay {
+            x: self.fx * x0 as f32 + self.cx,
+            y: self.fy * y0 as f32 + self.cy,
+            by_ray: [
+                [by(self.fx, x1 - x0), by(self.fx, x2 - x0)],
+                [by(self.fy, y1 - y0), by(self.fy, y2 - y0)],
+            ],
         }
     }
 }

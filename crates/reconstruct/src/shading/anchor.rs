@@ -1,0 +1,129 @@
+//! Stereo's answer on the cells: where the surface starts, and what holds it where shading does not tell.
+
+use super::equations::CellEquations;
+use super::linearise::Surface;
+use super::patch::Patch;
+use crate::grid::lift::{Lifted, LiftedView};
+use crate::grid::mesh;
+use crate::grid::rasterise::{self, Gathered, Layout};
+use crate::prediction::PredictedView;
+use selenograph_geometry::{Point3, Vector3};
+use selenograph_raster::Raster;
+
+/// Heights with their precisions, in cells of one level.
+#[derive(Debug, Clone)]
+pub(super) struct Anchor {
+    pub(super) heights: Raster<f32>,
+    /// `1/σ²`, 0 where there is nothing.
+    pub(super) precision: Raster<f32>,
+}
+
+/// Least standard deviation that is believed, in cells.
+const LEAST_SIGMA: f32 = 0.03;
+/// Deviation, in standard deviations, beyond which an anchor lets go.
+const OUTLIER: f32 = 3.0;
+
+/// Plate that carries heights on, against a weight of 1 where they are known.
+const CARRY_STIFFNESS: f32 = 0.01;
+const CARRY_STEPS: usize = 100;
+const CARRY_TOLERANCE: f64 = 1e-3;
+
+impl Anchor {
+    /// Both views' points on the cells; completed points fill cells that nothing measured covers, with their own sigma.
+    pub(super) fn of_views(views: &[PredictedView; 2], eyes: [Point3<f64>; 2], patch: &Patch) -> Self {
+        let lifted = |view: &'_ PredictedView| -> Raster<[f32; 3]> {
+            view.points.map(|p| {
+                let p = patch.position(&Vector3::from(p.map(f64::from)));
+                let p = patch.sight.place(p.map(|c| c as f32));
+                // The grid's rows run downwards, a map's y upwards.
+                [p[0], -p[1], p[2]]
+            })
+        };
+        let cell = patch.cell as f32;
+        let view = |k: usize| {
+            let eye = patch.position(&eyes[k].coords);
+            LiftedView {
+                points: lifted(&views[k]),
+                confidence: &views[k].confidence,
+                sigma: views[k].sigma.as_ref().map(|s| s.map(|v| v / cell)),
+                fill: &views[k].fill,
+                center: Some([eye[0] as f32, -eye[1] as f32, eye[2] as f32]),
+            }
+        };
+        let lifted = Lifted { origin: [0.0; 3], views: [view(0), view(1)] };
+        let joins = lifted.views.each_ref().map(mesh::joins);
+        let layout = Layout { left: 0.0, top: 0.0, cell: 1.0, width: patch.width, height: patch.height };
+        let cells = rasterise::gather(&lifted, joins.each_ref().map(Option::as_deref), &layout, true);
+        let raster = |f: &dyn Fn(&Gathered) -> f32| Raster {
+            width: patch.width,
+            height: patch.height,
+            data: cells.iter().map(f).collect(),
+        };
+        Self {
+            heights: raster(&|c| if c.count > 0 { (c.weighted / c.weight) as f32 } else { 0.0 }),
+            precision: raster(&|c| if c.count > 0 { precision(c) } else { 0.0 }),
+        }
+    }
+
+    /// The same for cells of twice the side.
+    pub(super) fn halved(&self) -> Self {
+        let (width, height) = (self.heights.width / 2, self.heights.height / 2);
+        let four = |x: usize, y: usize| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * x + i, 2 * y + j));
+        let total = |x: usize, y: usize| four(x, y).map(|at| self.precision[at]).iter().sum::<f32>();
+        let heights = Raster::from_fn(width, height, |x, y| {
+            let sum: f32 = four(x, y).map(|at| self.precision[at] * self.heights[at]).iter().sum();
+            let total = total(x, y);
+            if total > 0.0 { 0.5 * sum / total } else { 0.0 }
+        });
+        // Errors of neighbours go together: their mean is no surer than they are, but a cell is twice as long.
+        let precision = Raster::from_fn(width, height, total);
+        Self { heights, precision }
+    }
+
+    /// The heights, smoothly carried on to where there are none.
+    pub(super) fn carried_on(&self) -> Vec<f32> {
+        let (width, height) = (self.heights.width, self.heights.height);
+        let weight: Vec<f32> = self.precision.data.iter().map(|&p| if p > 0.0 { 1.0 } else { 0.0 }).collect();
+        let right: Vec<f32> = weight.iter().zip(&self.heights.data).map(|(w, h)| w * h).collect();
+        let mut out = self.heights.clone();
+        let stiffness = Raster::filled(width, height, CARRY_STIFFNESS);
+        crate::stereo::solver::Solver::new(width, height).solve(
+            &mut out,
+            &weight,
+            &right,
+            &stiffness,
+            CARRY_STEPS,
+            CARRY_TOLERANCE,
+        );
+        out.data
+    }
+
+    fn pull(&self, surface: &Surface, at: usize, weight: f32) -> (f32, f32) {
+        let difference = self.heights.data[at] - surface.heights[at];
+        let precision = self.precision.data[at];
+        let far = difference * difference * precision / (OUTLIER * OUTLIER);
+        (weight * precision / (1.0 + far), difference)
+    }
+
+    pub(super) fn hold(&self, surface: &Surface, weight: f32, cells: &mut [CellEquations]) {
+        for (at, cell) in cells.iter_mut().enumerate() {
+            let (weight, difference) = self.pull(surface, at, weight);
+            cell.add(weight, [0.0, 0.0, 1.0, 0.0], difference);
+        }
+    }
+
+    pub(super) fn energy(&self, surface: &Surface, weight: f32) -> f64 {
+        let of = |at: usize| {
+            let (weight, difference) = self.pull(surface, at, weight);
+            f64::from(weight * difference * difference)
+        };
+        (0..self.heights.data.len()).map(of).sum()
+    }
+}
+
+fn precision(cell: &Gathered) -> f32 {
+    let mean = cell.weighted / cell.weight;
+    let disagreement = (cell.squared / cell.weight - mean * mean).max(0.0);
+    let variance = f64::from(cell.count) / cell.weight + disagreement;
+    1.0 / (variance as f32).max(LEAST_SIGMA * LEAST_SIGMA)
+}

@@ -1,0 +1,336 @@
+//! Photoclinometry: one surface whose renderings equal the pictures, whatever their Suns.
+//!
+//! The unknowns are heights over a plane, cell by cell on a regular grid, and the albedo of each cell. A grid over the ground, and
+//! not a depth for each pixel of one of the pictures: no picture is better than the others, swapping two or adding a third changes
+//! nothing; ground that one of them hides is a cell that it does not show; shadows and an elevation model that is known beforehand
+//! live on the same cells; and the elevation model is the answer itself. Its price are cells that a slanting picture shows less
+//! sharply than others, where the surface is no sharper than the picture.
+//!
+//! Each picture says of each cell how bright it is. The law of reflectance says how bright it would be, from the slopes that
+//! neighbouring heights make and from the Sun. The difference is linearised, all pictures are gathered in one 4×4 tensor per cell
+//! (two slopes, height, log albedo), and the surface moves by conjugate gradients under a thin plate, coarse to fine. Gains and
+//! whatever else is unknown of a picture as a whole are eliminated jointly with it.
+//!
+//! # Source
+//! Horn 1990, "Height and gradient from shading", IJCV 5(1) (integrability by making heights the unknowns); Alexandrov & Beyer 2018,
+//! "Multiview shape-from-shading for planetary images", Earth and Space Science 5(10) (several pictures, exposures and albedo);
+//! Triggs et al. 2000, "Bundle adjustment: a modern synthesis" (joint elimination).
+
+mod anchor;
+mod answer;
+mod equations;
+mod globals;
+mod linearise;
+mod patch;
+mod picture;
+mod run;
+
+use crate::View;
+use crate::grid::plane::Plane;
+use crate::prediction::{Fill, PredictedView};
+use anchor::Anchor;
+use globals::{Free, Global, Globals, PHASE_POWERS, Shot};
+use linearise::{LawTable, Surface};
+pub use patch::Patch;
+use picture::{PicturePyramid, Placed};
+use run::Problem;
+use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vector3};
+use selenograph_raster::Raster;
+use selenograph_render::brdf::Brdf;
+use serde::{Deserialize, Serialize};
+
+/// A picture with all that is known of it.
+#[derive(Debug, Clone)]
+pub struct Picture<'a> {
+    /// Grey levels and camera.
+    pub view: &'a View,
+    /// Where the camera stands. The scene has the axes and origin of the first camera.
+    pub cam_from_scene: Rigid3<Cam, PredA>,
+    /// How surely, where it is to be found better.
+    pub pose_sigma: Option<PoseSigma>,
+    /// Unit vector to the Sun, in the scene's axes.
+    pub sun: Vector3<f64>,
+    /// Standard deviation of the Sun's direction, radians; 0 where it is known.
+    pub sun_sigma_rad: f64,
+}
+
+/// How surely a camera's place is known against the first one's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseSigma {
+    /// Standard deviation of the turn about each axis, radians.
+    pub turn_rad: f64,
+    /// Standard deviation of the direction of the baseline, radians.
+    pub direction_rad: f64,
+}
+
+/// Settings of photoclinometry.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ShadingOptions {
+    /// Weight of the thin plate at typical noise.
+    pub stiffness: f32,
+    /// Weight of the log albedo's gradient at typical noise, at the finest level.
+    pub albedo_tension: f32,
+    /// Weight that holds the log albedo to 0.
+    pub albedo_hold: f32,
+    /// Weight of stereo's answer at typical noise.
+    pub stereo_weight: f32,
+    /// Residual that counts a quarter, in the picture's lit mean.
+    pub robust: f32,
+    /// Residual, in the picture's lit mean, for which these weights are.
+    pub typical_noise: f32,
+    /// Steps at each level, the finest first; the last is that of all coarser ones.
+    pub steps: Vec<usize>,
+    /// Conjugate-gradient steps in each.
+    pub iterations: usize,
+    /// Smaller side of the coarsest grid, cells.
+    pub coarsest_cells: usize,
+    /// Levels where stereo gives the start: its surface is right at the larger scales.
+    pub levels_from_stereo: usize,
+    /// Largest number of cells.
+    pub max_cells: usize,
+    /// Whether grey levels may have an offset.
+    pub free_offset: bool,
+    /// Whether the phase function may differ from the law's.
+    pub free_phase: bool,
+}
+
+impl Default for ShadingOptions {
+    fn default() -> Self {
+        Self {
+            stiffness: 2e-3,
+            albedo_tension: 4.0,
+            albedo_hold: 1e-3,
+            stereo_weight: 1e-4,
+            robust: 0.15,
+            typical_noise: 0.01,
+            steps: vec![8],
+            iterations: 40,
+            coarsest_cells: 32,
+            levels_from_stereo: 2,
+            max_cells: 1 << 26,
+            free_offset: false,
+            free_phase: false,
+        }
+    }
+}
+
+/// What is known of the ground before its shading is looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Start<'a> {
+    /// The plane that the heights are counted from.
+    pub plane: Plane,
+    /// Stereo's answer in the views of the first two pictures, where there is one.
+    pub views: Option<&'a [PredictedView; 2]>,
+}
+
+/// One picture's part in the answer.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// Where the camera stands, after the fit.
+    pub cam_from_scene: Rigid3<Cam, PredA>,
+    /// Unit vector to the Sun in the scene's axes, after the fit.
+    pub sun: Vector3<f64>,
+    /// Grey level of ground of radiance factor 1.
+    pub gain: f64,
+    /// Grey level at no light.
+    pub offset: f64,
+    /// Correlation of the picture with the model's, over the cells that are compared.
+    pub correlation: f64,
+    /// Share of the picture's pixels that are lit and not saturated.
+    pub lit_share: f64,
+}
+
+/// The surface, and how it explains the pictures.
+#[derive(Debug, Clone)]
+pub struct Shaded {
+    /// The grid.
+    pub patch: Patch,
+    /// Heights over the plane, in cells.
+    pub heights: Raster<f32>,
+    /// Logarithm of the albedo against the law's.
+    pub log_albedo: Raster<f32>,
+    /// The pictures.
+    pub pictures: Vec<Explained>,
+    /// Energy per compared cell, before the first and after each accepted step at the finest level.
+    pub energies: Vec<f64>,
+    placed: Vec<Placed>,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The plane lies beside or behind the pictures.
+    #[error("no picture sees the plane that the surface starts from")]
+    NotSeen,
+}
+
+/// Fits one surface to the pictures.
+///
+/// # Errors
+/// [`Error::NotSeen`] where the start has nothing to do with the pictures.
+pub fn shade(
+    pictures: &[Picture<'_>],
+    start: &Start<'_>,
+    law: &Brdf,
+    options: &ShadingOptions,
+) -> Result<Shaded, Error> {
+    let mut num_levels = 1;
+    let side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
+    while side >> num_levels >= options.coarsest_cells {
+        num_levels += 1;
+    }
+    let multiple = 1 << (num_levels - 1);
+    let (patch, pixels_per_cell) =
+        Patch::cover(&start.plane, pictures, options.max_cells, multiple).ok_or(Error::NotSeen)?;
+    let pyramids = pictures.iter().map(|p| PicturePyramid::new(p, num_levels + 2)).collect();
+    let mut anchors: Vec<Anchor> = Vec::new();
+    if let Some(views) = start.views {
+        let eye = |k: usize| pictures[k].cam_from_scene.inverse().origin();
+        anchors.push(Anchor::of_views(views, [eye(0), eye(1)], &patch));
+        for _ in 1..num_levels {
+            let coarser = anchors[anchors.len() - 1].halved();
+            anchors.push(coarser);
+        }
+    }
+    let used = if anchors.is_empty() { num_levels } else { options.levels_from_stereo.min(num_levels) };
+    let surfaces: Vec<Surface> = (0..used)
+        .map(|level_idx| {
+            let (width, height) = (patch.width >> level_idx, patch.height >> level_idx);
+            Surface {
+                width,
+                height,
+                scale: (1u32 << level_idx) as f32,
+                sight: patch.sight,
+                heights: vec![0.0; width * height],
+                albedo: vec![0.0; width * height],
+            }
+        })
+        .collect();
+    let mut problem = Problem {
+        pyramids,
+        pixels_per_cell,
+        law: LawTable::new(law),
+        options,
+        noise2: f64::from(options.typical_noise).powi(2),
+        anchors,
+    };
+    let mut surfaces = surfaces;
+    if let (Some(anchor), Some(coarsest)) = (problem.anchors.get(used - 1), surfaces.last_mut()) {
+        coarsest.heights = anchor.carried_on();
+    }
+    let placed: Vec<Placed> = pictures.iter().map(|p| Placed::new(p, &patch)).collect();
+    let globals = problem.start_globals(pictures, &placed, &surfaces[used - 1], used - 1);
+    let solution = problem.run(surfaces, globals).ok_or(Error::NotSeen)?;
+    let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
+    let explained = solution
+        .globals
+        .shots
+        .iter()
+        .zip(&problem.pyramids)
+        .zip(&solution.fits)
+        .map(|((shot, pyramid), fit)| Explained {
+            cam_from_scene: shot.pose(&patch),
+            sun: patch.vector(shot.placed.sun),
+            gain: f64::from(shot.gain * pyramid.mean),
+            offset: f64::from(shot.offset * pyramid.mean),
+            correlation: fit.correlation(),
+            lit_share: f64::from(pyramid.lit_share),
+        })
+        .collect();
+    Ok(Shaded {
+        heights: raster(&solution.surface.heights),
+        log_albedo: raster(&solution.surface.albedo),
+        pictures: explained,
+        energies: solution.energies,
+        placed: solution.globals.shots.iter().map(|shot| shot.placed).collect(),
+        patch,
+    })
+}
+
+impl Problem<'_> {
+    /// Everything as it is known, and gains that make the model as bright as the pictures.
+    fn start_globals(
+        &mut self,
+        pictures: &[Picture<'_>],
+        placed: &[Placed],
+        surface: &Surface,
+        level_idx: usize,
+    ) -> Globals {
+        let shots = placed.iter().map(|&placed| Shot { gain: 1.0, offset: 0.0, placed }).collect();
+        let mut globals = Globals { shots, phase: [0.0; PHASE_POWERS], free: Vec::new() };
+        let shown = self.shown(level_idx);
+        for (k, shown) in shown.iter().enumerate() {
+            globals.shots[k].gain = linearise::first_gain(surface, &globals, k, shown, &self.law);
+        }
+        let mut add = |global: Global, sigma: f64| globals.free.push(Free { global, sigma, deviation: 0.0 });
+        for (k, picture) in pictures.iter().enumerate() {
+            add(Global::Gain(k), f64::INFINITY);
+            if self.options.free_offset {
+                add(Global::Offset(k), OFFSET_SIGMA);
+            }
+            if picture.sun_sigma_rad > 0.0 {
+                for axis in 0..2 {
+                    add(Global::Sun(k, axis), picture.sun_sigma_rad);
+                }
+            }
+            if let Some(sigma) = picture.pose_sigma.filter(|_| k > 0) {
+                for axis in 0..3 {
+                    add(Global::Turn(k, axis), sigma.turn_rad);
+                }
+                // The length of the first baseline is the unit.
+                for axis in 0..if k == 1 { 2 } else { 3 } {
+                    add(Global::Move(k, axis), sigma.direction_rad);
+                }
+            }
+        }
+        if self.options.free_phase {
+            for power in 0..PHASE_POWERS {
+                add(Global::Phase(power), PHASE_SIGMA);
+            }
+        }
+        globals
+    }
+}
+
+/// Standard deviation of a picture's offset, in its lit mean.
+const OFFSET_SIGMA: f64 = 0.2;
+/// Standard deviation of the phase polynomial's coefficients.
+const PHASE_SIGMA: f64 = 0.5;
+
+impl Shot {
+    /// The camera's pose in the scene.
+    fn pose(&self, patch: &Patch) -> Rigid3<Cam, PredA> {
+        // Columns of the rotation belong to the grid's axes, two of which make it left-handed: back through them.
+        let columns = Matrix3::from_fn(|i, j| f64::from(self.placed.rotation[i][j]));
+        let axes = Matrix3::from_columns(&patch.axes);
+        let rotation = Rotation3::from_matrix(&(columns * axes.transpose()));
+        let corner = Vector3::from(self.placed.translation.map(f64::from)) * patch.cell;
+        Rigid3::new(rotation, Point3::from(corner - rotation * patch.corner))
+    }
+}
+
+impl Shaded {
+    /// Points of a picture's pixels in the scene's frame.
+    pub fn view(&self, picture: usize, view: &View) -> PredictedView {
+        let ground = answer::Ground::new(&self.patch, &self.heights);
+        let pose = &self.pictures[picture].cam_from_scene;
+        let met = ground.pixels(&view.camera, pose, &self.placed[picture]);
+        let (width, height) = (met.width, met.height);
+        let points = met.map(|p| {
+            let point = self.patch.point(self.patch.sight.position(*p).map(f64::from));
+            std::array::from_fn(|i| point[i] as f32)
+        });
+        let there = |p: &[f32; 3]| !p[0].is_nan();
+        PredictedView {
+            confidence: points.map(|p| if there(p) { 1.0 } else { 0.0 }),
+            sigma: None,
+            fill: points.map(|p| if there(p) { Fill::Measured } else { Fill::Absent }),
+            points: Raster { width, height, data: points.data },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
