@@ -212,6 +212,29 @@ pub enum Warning {
         /// Sigma of the ratio of ranges, as a share of it.
         spread: f64,
     },
+    /// Shading was asked for, and a Sun is not known.
+    #[error("the Sun of picture {picture} is not known: shading was left out")]
+    NoSun {
+        /// `A` or `B`.
+        picture: &'static str,
+    },
+    /// What shading makes of the pictures does not look like them.
+    #[error(
+        "a surface that explains the pictures by their shading was not found: its rendering and picture {picture} correlate by {correlation:.2} \
+         only; shading was left out"
+    )]
+    NotExplained {
+        /// `A` or `B`.
+        picture: &'static str,
+        /// Of the model's picture and the picture.
+        correlation: f64,
+    },
+    /// Shading has no surface to start from.
+    #[error("shading was left out: {why}")]
+    NoShading {
+        /// Why.
+        why: String,
+    },
     /// Two sources of size tell different things.
     #[error("the size from `{other}` is {ratio:.3} times that from `{used}`, which was used")]
     ScalesDisagree {

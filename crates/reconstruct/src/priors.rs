@@ -5,7 +5,7 @@ use crate::prediction::Prediction;
 use crate::scale::dem::{self, DemOptions, DemPatch};
 use crate::scale::points::{self, KnownPoints};
 use crate::scale::{Placement, ScaleSource, World, altitude, baseline};
-use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3, Sim3};
+use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3, Sim3, Vector3};
 
 /// A relative pose that was given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +14,36 @@ pub struct KnownPose {
     pub cam_b_from_cam_a: Rigid3<CamB, CamA>,
     /// Whether its translation is in metres; else only its direction means something.
     pub metric: bool,
+}
+
+/// A Sun that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownSun {
+    /// Unit vector towards it.
+    pub direction: Vector3<f64>,
+    /// In which axes.
+    pub axes: SunAxes,
+    /// Standard deviation of its direction, radians; 0 where it is exact.
+    pub sigma_rad: f64,
+}
+
+/// The axes in which a Sun is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SunAxes {
+    /// Those of the camera whose picture it lights.
+    Own,
+    /// Those of camera A.
+    CamA,
+}
+
+impl KnownSun {
+    /// Unit vector towards the Sun of picture B (or A, of whose camera both kinds of axes are one) in the axes of camera A.
+    pub fn in_cam_a(&self, cam_a_from_own: &Rigid3<CamA, CamB>) -> Vector3<f64> {
+        match self.axes {
+            SunAxes::Own => cam_a_from_own.vector(&self.direction),
+            SunAxes::CamA => self.direction,
+        }
+    }
 }
 
 /// A length that was given.
@@ -51,6 +81,8 @@ pub struct Priors {
     pub dem_options: DemOptions,
     /// Points of picture A whose place is known.
     pub points: Option<KnownPoints>,
+    /// The Suns of both pictures, for the methods that look at shading.
+    pub suns: [Option<KnownSun>; 2],
     /// Which of these gives the size; by default the first that is there, in the order of [`ScaleSource`].
     pub scale_from: Option<ScaleSource>,
 }

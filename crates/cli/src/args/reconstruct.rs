@@ -111,6 +111,12 @@ pub struct Known {
     /// Known points: CSV of u_px,v_px (in the first picture) and latitude_deg,longitude_deg,height_m or x_m,y_m,z_m
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
+    /// Sun of the first picture: azimuth from north and elevation in degrees (needs --world-from-cam-a), or a vector in that camera's axes
+    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true, requires = "sun_b")]
+    pub sun_a: Option<SunGiven>,
+    /// Sun of the second picture; a vector is in the axes of the second camera
+    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true, requires = "sun_a")]
+    pub sun_b: Option<SunGiven>,
     /// Where the size comes from, if several of the above can tell
     #[arg(long, value_name = "SOURCE")]
     pub scale_from: Option<ScaleSource>,
@@ -170,6 +176,31 @@ pub struct LearnedChoice {
     /// Decode the pair both ways and take the matches of both
     #[arg(long)]
     pub symmetric: bool,
+}
+
+/// A Sun as it is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SunGiven {
+    /// Azimuth from north and elevation, degrees, over the ground below the first camera.
+    Sky([f64; 2]),
+    /// Unit vector in the axes of the picture's camera.
+    Camera([f64; 3]),
+}
+
+fn sun(text: &str) -> Result<SunGiven, String> {
+    if text.split(',').count() == 3 {
+        return direction(text).map(SunGiven::Camera);
+    }
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>().unwrap_or_default();
+    let [azimuth, elevation]: [f64; 2] = numbers
+        .try_into()
+        .map_err(|_| "azimuth and elevation in degrees, or a vector in the camera's axes".to_owned())?;
+    if !(azimuth.is_finite() && elevation > 0.0 && elevation <= 90.0) {
+        return Err("a Sun that lights the ground stands above the horizon: elevation above 0 and up to 90"
+            .to_owned());
+    }
+    Ok(SunGiven::Sky([azimuth, elevation]))
 }
 
 fn direction(text: &str) -> Result<[f64; 3], String> {

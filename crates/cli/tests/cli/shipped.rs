@@ -86,16 +86,20 @@ fn what_is_scored_is_what_ships() {
     let campaign = "generate tiny.toml --terrain terrain --out dataset --set nadir.pairs=0 --set dynamic.pairs=0 \
                     --set camera.width_px=160 --set camera.height_px=160";
     place.run(campaign).ok();
-    place.run("evaluate dataset -m stereo,mast3r-stereo --limit 1 --out scores -q").ok();
+    place.run("evaluate dataset -m stereo,mast3r-stereo,fused --limit 1 --out scores -q").ok();
     let source = Source::open(&place.path("dataset"), &Choice::default()).unwrap();
     let pair = LoadedPair::read(&source.entries[0], &source.pixels).unwrap();
     let truth = PreparedTruth::new(&pair.truth, &Settings::default()).unwrap();
     let folder = "dataset/pairs/000/000000";
-    for method in ["stereo", "mast3r-stereo"] {
+    let suns = pair.suns_in_cams([0, 0]).map(|sun| sun.unwrap());
+    let suns = suns.map(|sun| format!("{},{},{}", sun.x, sun.y, sun.z));
+    let suns = format!("--sun-a {} --sun-b {}", suns[0], suns[1]);
+    for method in ["stereo", "mast3r-stereo", "fused"] {
         let scored = lines(&place.path(&format!("scores/{method}/metrics.jsonl")));
         let line = format!(
             "reconstruct {folder}/a.l0.png {folder}/b.l0.png --camera-a {folder}/a.camera.json --camera-b {folder}/b.camera.json \
-             --method {method} --complete --no-report -q --out {method}"
+             --method {method} --complete --no-report -q --out {method} {}",
+            if method == "fused" { &suns } else { "" }
         );
         place.run(&line).ok();
         let shipped = truth.measure(&written(&place, method), Promise::Points).unwrap();

@@ -97,6 +97,8 @@ pub struct LoadedPair {
     pub left_out: Vec<String>,
     /// Azimuth and elevation of the Sun at the site, degrees, by the number of the light.
     pub suns_deg: BTreeMap<u64, [f64; 2]>,
+    /// Unit vectors to the Suns in the body's frame, by the number of the light; of triplets, which hold none, nothing.
+    pub suns: BTreeMap<u64, Vector3<f64>>,
 }
 
 impl LoadedPair {
@@ -116,6 +118,12 @@ impl LoadedPair {
             }
         }
         let site = pair.record.as_ref().map(|record| record.site.place());
+        let recorded = pair.record.iter().flat_map(|record| (0..).zip(&record.suns));
+        let suns = recorded.filter_map(|(light, sun)| {
+            let direction = Vector3::from(sun.as_ref()?.direction).try_normalize(0.0)?;
+            Some((light, direction))
+        });
+        let suns = suns.collect();
         let (body, suns_deg) = body_and_suns(pair.record);
         Ok(Self {
             name: entry.name.clone(),
@@ -127,6 +135,7 @@ impl LoadedPair {
             pictures,
             left_out,
             suns_deg,
+            suns,
         })
     }
 
@@ -139,6 +148,14 @@ impl LoadedPair {
             })
         };
         Some([view(light_a, 0)?, view(light_b, 1)?])
+    }
+
+    /// Unit vectors to the Suns of an item, each in its camera's axes, where they are known.
+    pub fn suns_in_cams(&self, [light_a, light_b]: [u64; 2]) -> [Option<Vector3<f64>>; 2] {
+        let sun = |light: u64, k: usize| {
+            Some(self.truth.views[k].world_from_cam.inverse().vector(self.suns.get(&light)?))
+        };
+        [sun(light_a, 0), sun(light_b, 1)]
     }
 
     /// What describes the items of the lights asked for.

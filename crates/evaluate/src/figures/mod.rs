@@ -67,7 +67,9 @@ impl ItemFigures {
         let session = network.map(Session::new);
         let mut drawn = vec![Drawn::of_truth(&prepared)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {
-            let item = Item { views: &views, lights, truth: prepared.truth(), network: session.as_ref() };
+            let suns = pair.suns_in_cams(lights);
+            let item =
+                Item { views: &views, lights, suns, truth: prepared.truth(), network: session.as_ref() };
             let answer = method.answer(&item)?;
             if let Some(Ok(aligned)) = prepared.align(&answer.prediction, Region::Overlap)? {
                 let answers = Answers::of_prediction(&answer.prediction, prepared.truth())?;

@@ -2,7 +2,7 @@
 
 use super::network;
 use crate::truth::TruthPair;
-use selenograph_geometry::{CamA, CamB, Rigid3};
+use selenograph_geometry::{CamA, CamB, Rigid3, Vector3};
 use selenograph_reconstruct::{NoPose, Prediction, View};
 
 /// A relative pose, or why there is none.
@@ -15,6 +15,8 @@ pub struct Item<'a> {
     pub views: &'a [View; 2],
     /// The numbers of their lights: which pictures of the pair these are.
     pub lights: [u64; 2],
+    /// Unit vectors to the Suns, each in its camera's axes, where they are known: they are given to the methods that look at shading.
+    pub suns: [Option<Vector3<f64>>; 2],
     /// The truth, for the anchors.
     pub truth: &'a TruthPair,
     /// The network at work on this pair.

@@ -53,7 +53,7 @@ impl Method {
     }
 
     fn words(self) -> Words {
-        use pipeline::Method::{Mast3r, Mast3rStereo, Orb, Sift, Stereo};
+        use pipeline::Method::{Fused, Mast3r, Mast3rStereo, Orb, Sift, Stereo};
         let (promise, settings) = match self {
             Self::Pictures(Orb) => (
                 Promise::Pose,
@@ -73,6 +73,10 @@ impl Method {
             Self::Pictures(Mast3rStereo) => (
                 Promise::Points,
                 "the matches of the same network in place of SIFT's, then as `stereo`: robust pose, windows aligned to subpixels, depth of every pixel; its unit is the baseline",
+            ),
+            Self::Pictures(Fused) => (
+                Promise::Points,
+                "the pose of `sift`, or of the network's matches where the lights differ and that tells none, then one surface whose renderings equal both pictures, the Suns given; its unit is the baseline",
             ),
             Self::Truth => (
                 Promise::MetricPoints,
@@ -145,9 +149,9 @@ impl Method {
         })
     }
 
-    /// Whether it needs a network.
+    /// Whether it needs a network: always, or where the lights of an item differ.
     pub fn needs_network(self) -> bool {
-        matches!(self, Self::Pictures(method) if method.needs_network())
+        matches!(self, Self::Pictures(method) if method.needs_network() || method == pipeline::Method::Fused)
     }
 }
 

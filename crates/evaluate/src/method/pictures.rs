@@ -11,7 +11,7 @@ use selenograph_reconstruct::features::orb;
 use selenograph_reconstruct::learned::{LearnedInput, LearnedOptions};
 use selenograph_reconstruct::matching::{self, Match};
 use selenograph_reconstruct::pipeline::{Incomplete, Input, Method, Options, Wanted, reconstruct};
-use selenograph_reconstruct::priors::Priors;
+use selenograph_reconstruct::priors::{KnownSun, Priors, SunAxes};
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, SiftOptions};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 
@@ -26,7 +26,8 @@ const REFERENCE_CONFIDENCE: f64 = 0.9999;
 /// counted and not refused, and that the whole image is judged: what lies outside the overlap is carried on and marked as completed.
 pub fn answer(method: Method, promise: Promise, item: &Item<'_>) -> Result<Answer, Error> {
     let session = || item.network.ok_or(Error::NoNetwork);
-    let said = if method.needs_network() { Some(session()?.said(item.views, item.lights)?) } else { None };
+    let asks = method.needs_network() || (method == Method::Fused && item.lights[0] != item.lights[1]);
+    let said = if asks { Some(session()?.said(item.views, item.lights)?) } else { None };
     let mut options = Options {
         method,
         wanted: if promise == Promise::Pose { Wanted::Pose } else { Wanted::Points },
@@ -38,7 +39,10 @@ pub fn answer(method: Method, promise: Promise, item: &Item<'_>) -> Result<Answe
         options.learned = session.geometry().clone();
     }
     let input = Input { views: item.views.each_ref(), learned: said.as_deref(), matches: None };
-    let prediction = reconstruct(&input, &Priors::default(), &options, |_| {})?.prediction;
+    let suns =
+        item.suns.map(|sun| sun.map(|direction| KnownSun { direction, axes: SunAxes::Own, sigma_rad: 0.0 }));
+    let priors = Priors { suns, ..Priors::default() };
+    let prediction = reconstruct(&input, &priors, &options, |_| {})?.prediction;
     let reference_pose = match (&said, method) {
         (Some(said), _) => said_reference(said, &options.learned),
         (None, Method::Orb) => orb_reference(item.views, &options.orb),

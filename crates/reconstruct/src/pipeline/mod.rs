@@ -4,6 +4,7 @@
 mod focal;
 mod given;
 mod matcher;
+mod shading;
 
 use crate::evidence::{FocalKnowledge, FocalSource, PoseSource, Warning};
 use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
@@ -13,6 +14,7 @@ use crate::prediction::NoPose;
 use crate::priors::Priors;
 use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, SiftOptions};
 use crate::scale::{Placement, ScaleSource};
+use crate::shading::ShadingOptions;
 use crate::stereo::{self, Completion, StereoOptions};
 use crate::{Error, PredictedView, Prediction, View, triangulate};
 use given::Start;
@@ -37,11 +39,15 @@ pub enum Method {
     Mast3r,
     /// The matches of such a network in place of features, then a point per pixel as `stereo`
     Mast3rStereo,
+    /// Stereo and shading: one surface whose renderings equal the pictures, under one Sun or two; the matches are SIFT's, or the
+    /// network's where those tell no pose
+    Fused,
 }
 
 impl Method {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Mast3rStereo];
+    pub const ALL: [Self; 6] =
+        [Self::Orb, Self::Sift, Self::Stereo, Self::Mast3r, Self::Mast3rStereo, Self::Fused];
 
     /// The name on the command line and in files.
     pub fn as_str(self) -> &'static str {
@@ -51,6 +57,7 @@ impl Method {
             Self::Stereo => "stereo",
             Self::Mast3r => "mast3r",
             Self::Mast3rStereo => "mast3r-stereo",
+            Self::Fused => "fused",
         }
     }
 
@@ -61,7 +68,7 @@ impl Method {
 
     /// Whether it takes given matches in place of features.
     pub fn takes_matches(self) -> bool {
-        matches!(self, Self::Sift | Self::Stereo)
+        matches!(self, Self::Sift | Self::Stereo | Self::Fused)
     }
 }
 
@@ -108,6 +115,8 @@ pub struct Options {
     pub stereo: StereoOptions,
     /// What follows from a network's arrays.
     pub learned: LearnedOptions,
+    /// Shading, for the method `fused`.
+    pub shading: ShadingOptions,
 }
 
 impl Default for Options {
@@ -121,6 +130,7 @@ impl Default for Options {
             sift: SiftOptions::default(),
             stereo: StereoOptions { completion: Completion::None, ..StereoOptions::default() },
             learned: LearnedOptions::default(),
+            shading: ShadingOptions::default(),
         }
     }
 }
@@ -145,6 +155,8 @@ pub enum Stage {
     Pose,
     /// A point per pixel.
     Dense,
+    /// One surface that explains the pictures' shading.
+    Shading,
     /// Size and place.
     Placement,
 }
@@ -156,6 +168,7 @@ impl Stage {
             Self::Focal => "focal length",
             Self::Pose => "matches and pose",
             Self::Dense => "dense stereo",
+            Self::Shading => "shading",
             Self::Placement => "scale and place",
         }
     }
@@ -219,7 +232,7 @@ pub fn reconstruct(
     }
     let matcher = match (options.method, input.learned) {
         (Method::Orb, _) => Matcher::Orb(&options.orb),
-        (Method::Sift | Method::Stereo, _) => match input.matches {
+        (Method::Sift | Method::Stereo | Method::Fused, _) => match input.matches {
             Some(given) => Matcher::Given(&given.matches, given.grain),
             None => Matcher::Sift,
         },
@@ -232,7 +245,14 @@ pub fn reconstruct(
             return Err(Error::NoNetworkOutput { method: options.method.as_str() });
         }
     };
-    let found = match from_pictures(input.views, matcher, priors, options, &mut progress) {
+    let mut found = from_pictures(input.views, matcher, priors, options, &mut progress);
+    // Features are of light and shade: under two Suns they may tell nothing where a network's matches do.
+    let in_place = input.learned.filter(|_| options.method == Method::Fused && input.matches.is_none());
+    if let (Err(Error::CannotSay(_)), Some(said)) = (&found, in_place) {
+        let matcher = Matcher::Given(&said.learned.matches, said.learned.grain);
+        found = from_pictures(input.views, matcher, priors, options, &mut progress);
+    }
+    let found = match found {
         Err(Error::CannotSay(why)) if options.incomplete == Incomplete::Keep => {
             let cameras = input.views.map(|view| view.camera.clone());
             Unplaced::without_pose(why, cameras)
@@ -370,6 +390,7 @@ fn from_pictures(
     };
     warnings.extend(start.source.warning());
     let pose = &start.cam_b_from_cam_a;
+    let mut refined = None;
     let views = match (options.wanted, options.method) {
         (Wanted::Pose, _) => None,
         (Wanted::Points, Method::Orb | Method::Sift) => {
@@ -384,8 +405,33 @@ fn from_pictures(
                 Err(why) => return Err(why.into()),
             }
         }
+        (Wanted::Points, Method::Fused) => {
+            let [a, b] = [&a, &b];
+            let dense = if shading::same_sun(&priors.suns, pose) {
+                progress(Stage::Dense);
+                match dense(a, b, &start, &options.stereo) {
+                    Ok(views) => Some(views),
+                    Err(_) if options.incomplete == Incomplete::Keep => None,
+                    Err(why) => return Err(why.into()),
+                }
+            } else {
+                None
+            };
+            progress(Stage::Shading);
+            match shading::shaded([a, b], &start, dense.as_ref(), &priors.suns, &options.shading) {
+                Ok(shaded) => {
+                    refined = Some(shaded.pictures[1].cam_from_scene.relabel());
+                    Some([shaded.view(0, a), shaded.view(1, b)])
+                }
+                Err(why) => {
+                    warnings.push(why);
+                    dense
+                }
+            }
+        }
     };
     let Start { cam_b_from_cam_a, source, matches, counts } = start;
+    let cam_b_from_cam_a = refined.unwrap_or(cam_b_from_cam_a);
     let prediction = Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views };
     Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, warnings })
 }

@@ -43,6 +43,25 @@ impl World {
     }
 }
 
+impl World {
+    /// Unit vector towards an azimuth (clockwise from north) and elevation in the axes of camera A, at the ground below it; `None` where
+    /// nothing says where north is.
+    pub fn sky_in_cam_a(&self, azimuth_rad: f64, elevation_rad: f64) -> Option<Vector3<f64>> {
+        match self {
+            Self::Unknown => None,
+            Self::Level(level_from_cam_a) => {
+                let (east, north) = azimuth_rad.sin_cos();
+                let (up, along) = elevation_rad.sin_cos();
+                Some(level_from_cam_a.inverse().vector(&Vector3::new(east * along, north * along, up)))
+            }
+            Self::Body { body, body_from_cam_a } => {
+                let below = body.place(&body_from_cam_a.origin());
+                Some(body_from_cam_a.inverse().vector(&body.direction(&below, azimuth_rad, elevation_rad)))
+            }
+        }
+    }
+}
+
 /// Where the size of a prediction comes from, in the order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]

@@ -7,6 +7,7 @@ use super::picture::{PictureLevel, Sample};
 use crate::field::filter::ROWS_PER_TASK;
 use rayon::prelude::*;
 use selenograph_geometry::DMatrix;
+use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
 
 /// Cosine of incidence below which the law goes on in a straight line: a model in shadow must still feel which way is brighter.
@@ -360,6 +361,22 @@ pub(super) fn linearise(
             }
         }
     }
+    out
+}
+
+/// How many pictures show each cell lit.
+pub(super) fn num_seen(surface: &Surface, globals: &Globals, shown: &[Shown<'_>]) -> Raster<u8> {
+    let (width, height) = (surface.width, surface.height);
+    let mut out = Raster::filled(width, height, 0u8);
+    out.data.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, count) in row.iter_mut().enumerate() {
+            let position = surface.ground(x, y).position;
+            let sees = |(shot, shown): &(&Shot, &Shown<'_>)| {
+                shown.level.sample(shot.placed.in_cam(position)).is_some()
+            };
+            *count = globals.shots.iter().zip(shown).filter(sees).count().min(255) as u8;
+        }
+    });
     out
 }
 

@@ -67,6 +67,8 @@ pub struct PoseSigma {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ShadingOptions {
+    /// How the ground reflects.
+    pub law: Brdf,
     /// Weight of the thin plate at typical noise.
     pub stiffness: f32,
     /// Weight of the log albedo's gradient at typical noise, at the finest level.
@@ -98,6 +100,7 @@ pub struct ShadingOptions {
 impl Default for ShadingOptions {
     fn default() -> Self {
         Self {
+            law: Brdf::default(),
             stiffness: 2e-3,
             albedo_tension: 4.0,
             albedo_hold: 1e-3,
@@ -152,6 +155,8 @@ pub struct Shaded {
     pub log_albedo: Raster<f32>,
     /// The pictures.
     pub pictures: Vec<Explained>,
+    /// How many pictures show each cell lit.
+    pub num_seen: Raster<u8>,
     /// Energy per compared cell, before the first and after each accepted step at the finest level.
     pub energies: Vec<f64>,
     placed: Vec<Placed>,
@@ -170,12 +175,7 @@ pub enum Error {
 ///
 /// # Errors
 /// [`Error::NotSeen`] where the start has nothing to do with the pictures.
-pub fn shade(
-    pictures: &[Picture<'_>],
-    start: &Start<'_>,
-    law: &Brdf,
-    options: &ShadingOptions,
-) -> Result<Shaded, Error> {
+pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptions) -> Result<Shaded, Error> {
     let mut num_levels = 1;
     let side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
     while side >> num_levels >= options.coarsest_cells {
@@ -211,7 +211,7 @@ pub fn shade(
     let mut problem = Problem {
         pyramids,
         pixels_per_cell,
-        law: LawTable::new(law),
+        law: LawTable::new(&options.law),
         options,
         noise2: f64::from(options.typical_noise).powi(2),
         anchors,
@@ -242,6 +242,7 @@ pub fn shade(
     Ok(Shaded {
         heights: raster(&solution.surface.heights),
         log_albedo: raster(&solution.surface.albedo),
+        num_seen: linearise::num_seen(&solution.surface, &solution.globals, &problem.shown(0)),
         pictures: explained,
         energies: solution.energies,
         placed: solution.globals.shots.iter().map(|shot| shot.placed).collect(),
@@ -322,11 +323,24 @@ impl Shaded {
             let point = self.patch.point(self.patch.sight.position(*p).map(f64::from));
             std::array::from_fn(|i| point[i] as f32)
         });
-        let there = |p: &[f32; 3]| !p[0].is_nan();
+        let seen = |p: &[f32; 3]| {
+            let cell = |c: f32, count: usize| (c.max(0.0) as usize).min(count - 1);
+            self.num_seen[(cell(p[0], self.patch.width), cell(p[1], self.patch.height))]
+        };
+        // One picture alone tells a slope along its Sun: what follows from that is no measurement.
+        let fill = met.map(|p| match p[0].is_nan() {
+            true => Fill::Absent,
+            false if seen(p) > 1 => Fill::Measured,
+            false => Fill::Completed,
+        });
         PredictedView {
-            confidence: points.map(|p| if there(p) { 1.0 } else { 0.0 }),
+            confidence: fill.map(|fill| match fill {
+                Fill::Absent => 0.0,
+                Fill::Completed => 0.5,
+                Fill::Measured => 1.0,
+            }),
             sigma: None,
-            fill: points.map(|p| if there(p) { Fill::Measured } else { Fill::Absent }),
+            fill,
             points: Raster { width, height, data: points.data },
         }
     }

@@ -134,7 +134,7 @@ impl Scene {
 }
 
 fn shaded(scene: &Scene, pictures: &[Picture<'_>]) -> Shaded {
-    shade(pictures, &scene.start(), &Brdf::default(), &even()).unwrap()
+    shade(pictures, &scene.start(), &even()).unwrap()
 }
 
 /// Ground of one albedo: what is left is the shape.
@@ -170,7 +170,7 @@ fn the_order_of_the_pictures_and_the_unit_do_not_matter() {
         views: scene.views.clone(),
         suns: scene.suns.clone(),
     };
-    let large = shade(&larger.pictures(), &larger.start(), &Brdf::default(), &even()).unwrap();
+    let large = shade(&larger.pictures(), &larger.start(), &even()).unwrap();
     let small = shaded(&scene, &scene.pictures());
     let worst =
         large.heights.data.iter().zip(&small.heights.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

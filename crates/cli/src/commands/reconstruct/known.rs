@@ -1,12 +1,12 @@
 //! What is known of where the pictures were taken, from the command line and the files it names.
 
 use super::inputs::Pictures;
-use crate::args::reconstruct::Known;
+use crate::args::reconstruct::{Known, SunGiven};
 use crate::exit::refuse;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
-use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, between};
+use selenograph_reconstruct::priors::{KnownLength, KnownPose, KnownSun, Priors, SunAxes, between};
 use selenograph_reconstruct::scale::dem::DemPatch;
 use selenograph_reconstruct::scale::points::KnownPoints;
 use selenograph_reconstruct::scale::{ScaleSource, World};
@@ -29,6 +29,9 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     dem_cell_m: Option<f64>,
     num_points: usize,
+    /// Unit vectors: in the axes of camera A where they were told in the sky, in each camera's own otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    suns: Option<[[f64; 3]; 2]>,
     /// Where the size comes from.
     scale_from: Option<ScaleSource>,
 }
@@ -67,6 +70,10 @@ pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Sum
     } else if let Some(up) = known.up_in_cam_a {
         priors.world = World::Level(Rigid3::new(level(&Vector3::from(up)), Point3::origin()));
     }
+    priors.suns = suns(known, &priors.world)?;
+    if let [Some(a), Some(b)] = priors.suns {
+        summary.suns = Some([a, b].map(|sun| sun.direction.into()));
+    }
     summary.relative_pose = priors.cam_b_from_cam_a.is_some();
     if let Some(path) = &known.dem {
         let dem = dem("--dem", path, &priors.world)?;
@@ -80,6 +87,28 @@ pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Sum
     }
     summary.scale_from = priors.scale_from()?;
     Ok((priors, summary))
+}
+
+/// Both Suns, where they are told.
+fn suns(known: &Known, world: &World) -> anyhow::Result<[Option<KnownSun>; 2]> {
+    let sun = |name: &str, given: Option<SunGiven>| {
+        let (direction, axes) = match given {
+            None => return Ok(None),
+            Some(SunGiven::Camera(direction)) => (Vector3::from(direction), SunAxes::Own),
+            Some(SunGiven::Sky([azimuth, elevation])) => {
+                let found = world.sky_in_cam_a(azimuth.to_radians(), elevation.to_radians());
+                let direction = found.filter(|_| known.world_from_cam_a.is_some()).ok_or_else(|| {
+                    refuse(
+                        format!("{name} in azimuth and elevation, and nothing says where north is"),
+                        "give --world-from-cam-a as well, or the Sun as a vector X,Y,Z in the camera's axes",
+                    )
+                })?;
+                (direction, SunAxes::CamA)
+            }
+        };
+        Ok::<_, anyhow::Error>(Some(KnownSun { direction, axes, sigma_rad: 0.0 }))
+    };
+    Ok([sun("--sun-a", known.sun_a)?, sun("--sun-b", known.sun_b)?])
 }
 
 fn length(name: &str, metres: Option<f64>, sigma_m: Option<f64>) -> anyhow::Result<Option<KnownLength>> {

@@ -89,7 +89,16 @@ struct Answer {
 /// # Errors
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
-    let network = if args.method.needs_network() {
+    if args.method == Method::Fused && args.known.sun_a.is_none() {
+        return Err(refuse(
+            "--method fused looks at shading, and no Sun is given",
+            "give --sun-a and --sun-b, or take --method stereo",
+        ));
+    }
+    // Features have nothing in common under two Suns; a network's matches may.
+    let two_suns =
+        args.method == Method::Fused && args.known.sun_a != args.known.sun_b && args.matches.is_none();
+    let network = if args.method.needs_network() || two_suns {
         Some(network_choice::Choice::new(args)?)
     } else {
         network::unused(&args.network)?;

@@ -1,0 +1,84 @@
+//! Shading on top of stereo, or in its place where two Suns leave nothing to match.
+
+use super::given::Start;
+use crate::evidence::{PoseSource, Warning};
+use crate::grid::plane;
+use crate::priors::KnownSun;
+use crate::shading::{self, Picture, PoseSigma, Shaded, ShadingOptions};
+use crate::{PredictedView, View, triangulate};
+use selenograph_geometry::{CamA, CamB, Rigid3, Vector3};
+
+/// Suns that are further apart light the same ground too differently for stereo, radians.
+const SAME_SUN_RAD: f64 = 0.1;
+/// How much surer a pose from matches looks than it is: its sigma knows nothing of matches that err together.
+const POSE_DOUBT: f64 = 3.0;
+/// Correlation of a picture with its model below which the model is not believed.
+const MIN_CORRELATION: f64 = 0.9;
+
+/// Names of the pictures in messages.
+const PICTURES: [&str; 2] = ["A", "B"];
+
+/// Whether two Suns, seen by cameras that are turned against each other, are one.
+pub(super) fn same_sun(suns: &[Option<KnownSun>; 2], cam_b_from_cam_a: &Rigid3<CamB, CamA>) -> bool {
+    match suns {
+        [Some(a), Some(b)] => a.direction.angle(&b.in_cam_a(&cam_b_from_cam_a.inverse())) < SAME_SUN_RAD,
+        _ => true,
+    }
+}
+
+/// One surface from both pictures; `dense` is stereo's answer, where there is one.
+pub(super) fn shaded(
+    views: [&View; 2],
+    start: &Start,
+    dense: Option<&[PredictedView; 2]>,
+    suns: &[Option<KnownSun>; 2],
+    options: &ShadingOptions,
+) -> Result<Shaded, Warning> {
+    let pose = &start.cam_b_from_cam_a;
+    let sun = |k: usize| suns[k].ok_or(Warning::NoSun { picture: PICTURES[k] });
+    let (sun_a, sun_b) = (sun(0)?, sun(1)?);
+    let no_shading = |why: String| Warning::NoShading { why };
+    let matched = match dense {
+        Some(_) => None,
+        None => Some(triangulate::matched([&views[0].camera, &views[1].camera], pose, &start.matches)),
+    };
+    let points = dense.or(matched.as_ref()).into_iter().flat_map(|[a, _]| &a.points.data);
+    let cloud: Vec<Vector3<f64>> =
+        points.filter(|p| p.iter().all(|c| c.is_finite())).map(|p| Vector3::from(p.map(f64::from))).collect();
+    let plane = plane::fit(&cloud, &Vector3::zeros()).map_err(|error| no_shading(error.to_string()))?;
+    let pose_sigma = match &start.source {
+        PoseSource::Estimated(pose) => {
+            let mean = |from: usize, count: usize| {
+                let variances = (from..from + count).map(|i| pose.covariance[(i, i)]);
+                POSE_DOUBT * (variances.sum::<f64>() / count as f64).sqrt()
+            };
+            Some(PoseSigma { turn_rad: mean(0, 3), direction_rad: mean(3, 2) })
+        }
+        _ => None,
+    };
+    let pictures = [
+        Picture {
+            view: views[0],
+            cam_from_scene: Rigid3::identity(),
+            pose_sigma: None,
+            sun: sun_a.direction,
+            sun_sigma_rad: sun_a.sigma_rad,
+        },
+        Picture {
+            view: views[1],
+            cam_from_scene: pose.relabel(),
+            pose_sigma: pose_sigma.filter(|s| s.turn_rad > 0.0 && s.direction_rad > 0.0),
+            sun: sun_b.in_cam_a(&pose.inverse()),
+            sun_sigma_rad: sun_b.sigma_rad,
+        },
+    ];
+    let start = shading::Start { plane, views: dense };
+    let shaded = shading::shade(&pictures, &start, options).map_err(|error| no_shading(error.to_string()))?;
+    for (picture, explained) in PICTURES.into_iter().zip(&shaded.pictures) {
+        let correlation = explained.correlation;
+        if correlation.is_nan() || correlation < MIN_CORRELATION {
+            return Err(Warning::NotExplained { picture, correlation });
+        }
+    }
+    Ok(shaded)
+}
