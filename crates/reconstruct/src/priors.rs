@@ -5,6 +5,7 @@ use crate::prediction::Prediction;
 use crate::scale::dem::{self, DemOptions, DemPatch};
 use crate::scale::points::{self, KnownPoints};
 use crate::scale::{Placement, ScaleSource, World, altitude, baseline};
+use crate::shading::PoseSigma;
 use selenograph_geometry::{BodyFixed, CamA, CamB, Rigid3, Sim3, Vector3};
 
 /// A relative pose that was given.
@@ -67,8 +68,10 @@ impl KnownLength {
 /// What is known beforehand; nothing by default.
 #[derive(Debug, Clone, Default)]
 pub struct Priors {
-    /// The relative pose: it is used as it is, and not estimated.
+    /// The relative pose: it is not estimated.
     pub cam_b_from_cam_a: Option<KnownPose>,
+    /// How surely, where the given pose may be bettered by the methods that can; without it the pose is used as it is.
+    pub pose_sigma: Option<PoseSigma>,
     /// Where camera A stands, or which direction is up in it.
     pub world: World,
     /// The distance between the cameras.

@@ -209,7 +209,10 @@ fn direction(text: &str) -> Result<[f64; 3], String> {
     let direction: [f64; 3] =
         numbers.try_into().map_err(|_| "three numbers, for example 0,-0.2,-1".to_owned())?;
     let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if length.is_finite() && length > 0.0 {
+    if (length - 1.0).abs() < 1e-12 {
+        // To the last bit what another answer rests on.
+        Ok(direction)
+    } else if length.is_finite() && length > 0.0 {
         Ok(direction.map(|v| v / length))
     } else {
         Err("a direction is not zero and finite".to_owned())

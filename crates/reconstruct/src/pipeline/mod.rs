@@ -418,7 +418,7 @@ fn from_pictures(
                 None
             };
             progress(Stage::Shading);
-            match shading::shaded([a, b], &start, dense.as_ref(), &priors.suns, &options.shading) {
+            match shading::shaded([a, b], &start, dense.as_ref(), priors, &options.shading) {
                 Ok(shaded) => {
                     refined = Some(shaded.pictures[1].cam_from_scene.relabel());
                     Some([shaded.view(0, a), shaded.view(1, b)])

@@ -3,7 +3,7 @@
 use super::given::Start;
 use crate::evidence::{PoseSource, Warning};
 use crate::grid::plane;
-use crate::priors::KnownSun;
+use crate::priors::{KnownSun, Priors};
 use crate::shading::{self, Picture, PoseSigma, Shaded, ShadingOptions};
 use crate::{PredictedView, View, triangulate};
 use selenograph_geometry::{CamA, CamB, Rigid3, Vector3};
@@ -31,11 +31,11 @@ pub(super) fn shaded(
     views: [&View; 2],
     start: &Start,
     dense: Option<&[PredictedView; 2]>,
-    suns: &[Option<KnownSun>; 2],
+    priors: &Priors,
     options: &ShadingOptions,
 ) -> Result<Shaded, Warning> {
     let pose = &start.cam_b_from_cam_a;
-    let sun = |k: usize| suns[k].ok_or(Warning::NoSun { picture: PICTURES[k] });
+    let sun = |k: usize| priors.suns[k].ok_or(Warning::NoSun { picture: PICTURES[k] });
     let (sun_a, sun_b) = (sun(0)?, sun(1)?);
     let no_shading = |why: String| Warning::NoShading { why };
     let matched = match dense {
@@ -54,7 +54,7 @@ pub(super) fn shaded(
             };
             Some(PoseSigma { turn_rad: mean(0, 3), direction_rad: mean(3, 2) })
         }
-        _ => None,
+        _ => priors.pose_sigma,
     };
     let pictures = [
         Picture {

@@ -81,6 +81,8 @@ pub(super) struct Fit {
     pub(super) weight: f64,
     /// Robust energy.
     pub(super) energy: f64,
+    /// Sum of the weighted squares of the residuals.
+    pub(super) residual2: f64,
     sums: [f64; 5],
 }
 
@@ -89,6 +91,7 @@ impl Fit {
         self.count += other.count;
         self.weight += other.weight;
         self.energy += other.energy;
+        self.residual2 += other.residual2;
         for (a, b) in self.sums.iter_mut().zip(&other.sums) {
             *a += b;
         }
@@ -426,6 +429,7 @@ impl Fit {
         self.count += 1.0;
         self.weight += f64::from(weight);
         self.energy += energy;
+        self.residual2 += f64::from(weight * seen.residual * seen.residual);
         for (sum, v) in self.sums.iter_mut().zip([x, y, x * x, y * y, x * y]) {
             *sum += v;
         }

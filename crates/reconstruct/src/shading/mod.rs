@@ -24,6 +24,7 @@ mod linearise;
 mod patch;
 mod picture;
 mod run;
+mod weights;
 
 use crate::View;
 use crate::grid::plane::Plane;
@@ -38,6 +39,7 @@ use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vecto
 use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
+use weights::Weights;
 
 /// A picture with all that is known of it.
 #[derive(Debug, Clone)]
@@ -69,18 +71,20 @@ pub struct PoseSigma {
 pub struct ShadingOptions {
     /// How the ground reflects.
     pub law: Brdf,
-    /// Weight of the thin plate at typical noise.
-    pub stiffness: f32,
-    /// Weight of the log albedo's gradient at typical noise, at the finest level.
-    pub albedo_tension: f32,
-    /// Weight that holds the log albedo to 0.
-    pub albedo_hold: f32,
-    /// Weight of stereo's answer at typical noise.
-    pub stereo_weight: f32,
+    /// Standard deviation of the second differences of heights, cells.
+    pub curvature: f32,
+    /// Standard deviation of the log albedo's steps between neighbours at the finest level, where the noise is `noise`.
+    pub albedo_step: f32,
+    /// Distance over which the albedo forgets itself, in the smaller side of the grid.
+    pub albedo_reach: f32,
+    /// Standard deviation of the pictures' noise, in their lit means, before it is estimated.
+    pub noise: f32,
+    /// Whether the noise, and the albedo's steps with its variance, are estimated from the pictures.
+    pub estimate_weights: bool,
+    /// Weight of stereo's answer, as a share of what its sigma says: its errors go together over the windows that it compares.
+    pub stereo_share: f32,
     /// Residual that counts a quarter, in the picture's lit mean.
     pub robust: f32,
-    /// Residual, in the picture's lit mean, for which these weights are.
-    pub typical_noise: f32,
     /// Steps at each level, the finest first; the last is that of all coarser ones.
     pub steps: Vec<usize>,
     /// Conjugate-gradient steps in each.
@@ -101,12 +105,13 @@ impl Default for ShadingOptions {
     fn default() -> Self {
         Self {
             law: Brdf::default(),
-            stiffness: 2e-3,
-            albedo_tension: 4.0,
-            albedo_hold: 1e-3,
-            stereo_weight: 1e-4,
+            curvature: 0.22,
+            albedo_step: 0.005,
+            albedo_reach: 0.2,
+            noise: 0.01,
+            estimate_weights: true,
+            stereo_share: 0.1,
             robust: 0.15,
-            typical_noise: 0.01,
             steps: vec![8],
             iterations: 40,
             coarsest_cells: 32,
@@ -114,6 +119,20 @@ impl Default for ShadingOptions {
             max_cells: 1 << 26,
             free_offset: false,
             free_phase: false,
+        }
+    }
+}
+
+impl ShadingOptions {
+    /// Variances before they are estimated, at a level.
+    fn weights(&self, surface: &Surface, level_idx: usize) -> Weights {
+        let squared = |v: f32| f64::from(v).powi(2);
+        Weights {
+            noise2: squared(self.noise),
+            curvature2: squared(self.curvature),
+            albedo2_per_noise4: squared(self.albedo_step / (self.noise * self.noise))
+                * f64::from(4u32.pow(level_idx as u32)),
+            reach: f64::from(self.albedo_reach) * surface.width.min(surface.height) as f64,
         }
     }
 }
@@ -208,14 +227,8 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
             }
         })
         .collect();
-    let mut problem = Problem {
-        pyramids,
-        pixels_per_cell,
-        law: LawTable::new(&options.law),
-        options,
-        noise2: f64::from(options.typical_noise).powi(2),
-        anchors,
-    };
+    let mut problem =
+        Problem { pyramids, pixels_per_cell, law: LawTable::new(&options.law), options, anchors };
     let mut surfaces = surfaces;
     if let (Some(anchor), Some(coarsest)) = (problem.anchors.get(used - 1), surfaces.last_mut()) {
         coarsest.heights = anchor.carried_on();
@@ -225,6 +238,7 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     let solution = problem.run(surfaces, globals).ok_or(Error::NotSeen)?;
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
     let explained = solution
+        .state
         .globals
         .shots
         .iter()
@@ -240,12 +254,12 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
         })
         .collect();
     Ok(Shaded {
-        heights: raster(&solution.surface.heights),
-        log_albedo: raster(&solution.surface.albedo),
-        num_seen: linearise::num_seen(&solution.surface, &solution.globals, &problem.shown(0)),
+        heights: raster(&solution.state.surface.heights),
+        log_albedo: raster(&solution.state.surface.albedo),
+        num_seen: linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0)),
         pictures: explained,
         energies: solution.energies,
-        placed: solution.globals.shots.iter().map(|shot| shot.placed).collect(),
+        placed: solution.state.globals.shots.iter().map(|shot| shot.placed).collect(),
         patch,
     })
 }

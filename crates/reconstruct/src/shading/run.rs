@@ -2,10 +2,11 @@
 
 use super::ShadingOptions;
 use super::anchor::Anchor;
-use super::equations::{Equations, Regular, Solver};
+use super::equations::{Equations, Solver};
 use super::globals::Globals;
 use super::linearise::{Fit, LawTable, Linearised, Shown, Surface, linearise};
 use super::picture::PicturePyramid;
+use super::weights::{Parts, Weights};
 use crate::field::plate;
 use selenograph_geometry::DMatrix;
 use selenograph_raster::Raster;
@@ -17,17 +18,22 @@ pub(super) struct Problem<'a> {
     pub(super) pixels_per_cell: Vec<f64>,
     pub(super) law: LawTable,
     pub(super) options: &'a ShadingOptions,
-    /// Variance of what the pictures differ by from any model of them, in squares of their lit means.
-    pub(super) noise2: f64,
     /// Stereo's answer, the finest level first.
     pub(super) anchors: Vec<Anchor>,
+}
+
+/// Everything that is sought.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    pub(super) surface: Surface,
+    pub(super) globals: Globals,
 }
 
 /// The answer on the cells.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
-    pub(super) surface: Surface,
-    pub(super) globals: Globals,
+    pub(super) state: State,
+    pub(super) weights: Weights,
     pub(super) fits: Vec<Fit>,
     /// Energy before the first and after each accepted step of the finest level.
     pub(super) energies: Vec<f64>,
@@ -48,95 +54,100 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// How much the priors weigh at a level against residuals in squares of the lit mean.
-    fn weight_of_priors(&self) -> f32 {
-        (self.noise2 / f64::from(self.options.typical_noise).powi(2)) as f32
-    }
-
-    pub(super) fn regular(&self, surface: &Surface, level_idx: usize) -> Regular {
-        let weight = self.weight_of_priors();
-        Regular {
-            stiffness: Raster::filled(surface.width, surface.height, weight * self.options.stiffness),
-            tension: weight * self.options.albedo_tension / f32::from(4u16.pow(level_idx as u32)),
-            hold: weight * self.options.albedo_hold,
-        }
-    }
-
     /// Energy over the cells that are seen, scaled to `count` of them.
-    fn energy(&self, surface: &Surface, globals: &Globals, linear: &Linearised, level_idx: usize) -> f64 {
-        let regular = self.regular(surface, level_idx);
+    fn energy(&self, state: &State, linear: &Linearised, weights: &Weights, level_idx: usize) -> f64 {
+        let State { surface, globals } = state;
         let data: f64 = linear.fits.iter().map(|fit| fit.energy).sum();
-        let mut pulled = vec![0.0; surface.heights.len()];
-        plate::apply(&surface.heights, None, &regular.stiffness, &mut pulled);
-        let bent = crate::field::conjugate::dot(&surface.heights, &pulled);
-        let spotted = membrane_energy(surface, &regular);
-        let anchored = self.anchors.get(level_idx).map_or(0.0, |a| a.energy(surface, self.anchor_weight()));
-        let known: f64 = globals.free.iter().map(|f| self.noise2 * (f.deviation / f.sigma).powi(2)).sum();
+        let bent = weights.stiffness() * surface.bent();
+        let [stepped, squared] = surface.spotted();
+        let spotted = weights.tension() * stepped + weights.hold() * squared;
+        let anchor = self.anchors.get(level_idx);
+        let anchored = anchor.map_or(0.0, |anchor| anchor.energy(surface, self.anchor_weight(weights)));
+        let known: f64 = globals.free.iter().map(|f| weights.noise2 * (f.deviation / f.sigma).powi(2)).sum();
         data + bent + spotted + anchored + known
     }
 
-    fn anchor_weight(&self) -> f32 {
-        self.weight_of_priors() * self.options.stereo_weight
+    fn anchor_weight(&self, weights: &Weights) -> f32 {
+        weights.noise2 as f32 * self.options.stereo_share
+    }
+
+    /// What the residuals say of the weights.
+    fn reweighted(&self, linear: &Linearised, weights: &Weights) -> Weights {
+        if !self.options.estimate_weights {
+            return *weights;
+        }
+        weights.estimated(&Parts {
+            cells: &linear.cells,
+            residual2: linear.fits.iter().map(|fit| fit.residual2).sum(),
+            weight: linear.fits.iter().map(|fit| fit.weight).sum(),
+        })
     }
 
     /// From a start at the coarsest level to the finest.
-    pub(super) fn run(&self, start: Vec<Surface>, mut globals: Globals) -> Option<Solution> {
-        let mut surface = start.last()?.clone();
+    pub(super) fn run(&self, start: Vec<Surface>, globals: Globals) -> Option<Solution> {
+        let mut state = State { surface: start.last()?.clone(), globals };
+        let mut weights = self.options.weights(start.last()?, start.len() - 1);
         let mut solution = None;
         for level_idx in (0..start.len()).rev() {
             let at = &start[level_idx];
-            if surface.width != at.width {
-                surface = surface.doubled(at);
+            if state.surface.width != at.width {
+                state.surface = state.surface.doubled(at);
+                weights = weights.finer();
             }
-            let done = self.level(surface, globals, level_idx);
-            surface = done.surface.clone();
-            globals = done.globals.clone();
+            let done = self.level(state, weights, level_idx);
+            state = done.state.clone();
+            weights = done.weights;
             solution = Some(done);
         }
         solution
     }
 
-    fn level(&self, mut surface: Surface, mut globals: Globals, level_idx: usize) -> Solution {
+    fn level(&self, mut state: State, mut weights: Weights, level_idx: usize) -> Solution {
         let shown = self.shown(level_idx);
-        let mut solver = Solver::new(surface.width, surface.height);
+        let mut solver = Solver::new(state.surface.width, state.surface.height);
         let options = self.options;
         let steps = options.steps[level_idx.min(options.steps.len() - 1)];
-        let mut linear = linearise(&surface, &globals, &shown, &self.law, options.robust);
-        let mut energy = self.energy(&surface, &globals, &linear, level_idx);
-        let mut counted = linear.fits.iter().map(|fit| fit.count).sum::<f64>().max(1.0);
-        let mut energies = vec![energy / counted];
+        let linearised =
+            |state: &State| linearise(&state.surface, &state.globals, &shown, &self.law, options.robust);
+        let seen = |linear: &Linearised| linear.fits.iter().map(|fit| fit.count).sum::<f64>().max(1.0);
+        let mut linear = linearised(&state);
+        let mut energies = Vec::new();
         let mut damping = 0.0;
-        for _ in 0..steps {
-            let (stepped, next) = self.step(&surface, &globals, &linear, level_idx, damping, &mut solver);
-            let there = linearise(&stepped, &next, &shown, &self.law, options.robust);
-            let found = self.energy(&stepped, &next, &there, level_idx);
-            let seen = there.fits.iter().map(|fit| fit.count).sum::<f64>().max(1.0);
+        for step_idx in 0..steps {
+            // A surface that is still far away tells its distance and not the noise: coarse levels, and the first steps.
+            if level_idx == 0 && step_idx >= FIRST_STEPS {
+                weights = self.reweighted(&linear, &weights);
+            }
+            let energy = self.energy(&state, &linear, &weights, level_idx) / seen(&linear);
+            energies.push(energy);
+            let next = self.step(&state, &linear, &weights, level_idx, damping, &mut solver);
+            let there = linearised(&next);
+            let found = self.energy(&next, &there, &weights, level_idx) / seen(&there);
             // NaN ends here too.
-            if found / seen <= energy / counted * (1.0 + RISE) + SLACK * self.noise2 {
-                (surface, globals, linear) = (stepped, next, there);
-                (energy, counted) = (found, seen);
-                energies.push(energy / counted);
+            if found <= energy * (1.0 + RISE) + SLACK * weights.noise2 {
+                (state, linear) = (next, there);
                 damping *= 0.25;
             } else {
                 damping = (damping * 8.0).max(FIRST_DAMPING);
             }
         }
-        Solution { surface, globals, fits: linear.fits, energies }
+        energies.push(self.energy(&state, &linear, &weights, level_idx) / seen(&linear));
+        Solution { state, weights, fits: linear.fits, energies }
     }
 
     /// One linear step.
     fn step(
         &self,
-        surface: &Surface,
-        globals: &Globals,
+        State { surface, globals }: &State,
         linear: &Linearised,
+        weights: &Weights,
         level_idx: usize,
         damping: f32,
         solver: &mut Solver,
-    ) -> (Surface, Globals) {
+    ) -> State {
         let mut cells = linear.cells.clone();
         if let Some(anchor) = self.anchors.get(level_idx) {
-            anchor.hold(surface, self.anchor_weight(), &mut cells);
+            anchor.hold(surface, self.anchor_weight(weights), &mut cells);
         }
         let tells: Vec<f64> =
             cells.iter().map(|c| f64::from(c.matrix[0] + c.matrix[4])).filter(|t| *t > 0.0).collect();
@@ -151,7 +162,7 @@ impl Problem<'_> {
         let mut own = linear.gram.clone();
         let mut pulled = linear.right.clone();
         for (g, free) in globals.free.iter().enumerate() {
-            let precision = self.noise2 / (free.sigma * free.sigma);
+            let precision = weights.noise2 / (free.sigma * free.sigma);
             own[(g, g)] += precision + LEAST_PRECISION + f64::from(damping) * own[(g, g)];
             pulled[g] -= precision * free.deviation;
         }
@@ -160,13 +171,13 @@ impl Problem<'_> {
             width: surface.width,
             height: surface.height,
             cells,
-            regular: self.regular(surface, level_idx),
+            regular: weights.regular(surface.width, surface.height),
             columns: linear.columns.clone(),
             inverse,
         };
         let mut right = equations.right(&surface.heights, &surface.albedo);
-        let weights = times(&equations.inverse, &pulled);
-        for (column, weight) in equations.columns.iter().zip(&weights) {
+        let shares = times(&equations.inverse, &pulled);
+        for (column, weight) in equations.columns.iter().zip(&shares) {
             super::equations::add_scaled(&mut right, column, -*weight as f32);
         }
         let x = equations.solve(&right, solver, self.options.iterations, TOLERANCE);
@@ -181,7 +192,7 @@ impl Problem<'_> {
         let (heights, albedo) = x.split_at(next.heights.len());
         super::equations::add_scaled(&mut next.heights, heights, 1.0);
         super::equations::add_scaled(&mut next.albedo, albedo, 1.0);
-        (next, globals.stepped(&step))
+        State { surface: next, globals: globals.stepped(&step) }
     }
 }
 
@@ -190,6 +201,8 @@ const RISE: f64 = 1e-3;
 /// The same as a share of the noise's variance.
 const SLACK: f64 = 0.05;
 const FIRST_DAMPING: f32 = 0.3;
+/// Steps before the weights are estimated.
+const FIRST_STEPS: usize = 2;
 /// Damping of the slopes of cells that no picture shows, in that of typical ones: they follow their neighbours in small steps, and
 /// the equations stay well conditioned.
 const UNSEEN: f64 = 0.01;
@@ -203,18 +216,27 @@ fn times(matrix: &DMatrix<f64>, vector: &[f64]) -> Vec<f64> {
     (0..vector.len()).map(row).collect()
 }
 
-fn membrane_energy(surface: &Surface, regular: &Regular) -> f64 {
-    let (width, a) = (surface.width, &surface.albedo);
-    let mut sum = 0.0f64;
-    for (i, v) in a.iter().enumerate() {
-        let right = if i % width + 1 < width { a[i + 1] - v } else { 0.0 };
-        let below = a.get(i + width).map_or(0.0, |b| b - v);
-        sum += f64::from(regular.tension * (right * right + below * below) + regular.hold * v * v);
-    }
-    sum
-}
-
 impl Surface {
+    /// The plate's energy at stiffness 1.
+    fn bent(&self) -> f64 {
+        let mut pulled = vec![0.0; self.heights.len()];
+        plate::apply(&self.heights, None, &Raster::filled(self.width, self.height, 1.0), &mut pulled);
+        crate::field::conjugate::dot(&self.heights, &pulled)
+    }
+
+    /// Sums of the squares of the log albedo's steps between neighbours and of itself.
+    fn spotted(&self) -> [f64; 2] {
+        let (width, a) = (self.width, &self.albedo);
+        let mut sums = [0.0f64; 2];
+        for (i, v) in a.iter().enumerate() {
+            let right = if i % width + 1 < width { a[i + 1] - v } else { 0.0 };
+            let below = a.get(i + width).map_or(0.0, |b| b - v);
+            sums[0] += f64::from(right * right + below * below);
+            sums[1] += f64::from(v * v);
+        }
+        sums
+    }
+
     /// On the cells of the next finer level.
     fn doubled(&self, finer: &Self) -> Self {
         let double = |data: &[f32], scale: f32| {

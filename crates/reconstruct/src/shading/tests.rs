@@ -139,7 +139,7 @@ fn shaded(scene: &Scene, pictures: &[Picture<'_>]) -> Shaded {
 
 /// Ground of one albedo: what is left is the shape.
 fn even() -> ShadingOptions {
-    ShadingOptions { albedo_tension: 1e4, ..ShadingOptions::default() }
+    ShadingOptions { albedo_step: 1e-4, estimate_weights: false, ..ShadingOptions::default() }
 }
 
 #[test]
