@@ -36,7 +36,11 @@ pub struct SubSolar {
 impl SubSolar {
     /// From degrees, at the mean distance of the Sun: one that is 2 % off turns the direction from a place on the Moon by 1e-5°.
     pub fn from_deg(lat_deg: f64, lon_deg: f64) -> Self {
-        Self { lat_rad: lat_deg.to_radians(), lon_rad: lon_deg.to_radians(), distance_m: ASTRONOMICAL_UNIT_M }
+        Self {
+            lat_rad: lat_deg.to_radians(),
+            lon_rad: within_half_turn(lon_deg),
+            distance_m: ASTRONOMICAL_UNIT_M,
+        }
     }
 
     /// The Sun's centre in the body-fixed frame, metres.
@@ -81,12 +85,17 @@ fn below(arguments: &Arguments, physical: Physical) -> SubSolar {
         distance_m: sun.distance_m - moon.distance_m * moon.lat_deg.to_radians().cos() * apart.cos(),
     };
     let [lon_deg, lat_deg] = series::librations(arguments, physical, &from_sun).place_deg();
-    let lon_rad = lon_deg.to_radians();
     SubSolar {
         lat_rad: lat_deg.to_radians(),
-        lon_rad: lon_rad.sin().atan2(lon_rad.cos()),
+        lon_rad: within_half_turn(lon_deg),
         distance_m: from_sun.distance_m,
     }
+}
+
+/// A longitude in degrees as radians in `(-π, π]`.
+fn within_half_turn(lon_deg: f64) -> f64 {
+    let (sin, cos) = lon_deg.to_radians().sin_cos();
+    sin.atan2(cos)
 }
 
 #[cfg(test)]
