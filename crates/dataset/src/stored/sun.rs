@@ -1,7 +1,9 @@
 //! The Sun that lit one picture of a pair, ours or the paper's, by where the picture lies.
 
+use super::own;
 use super::place::{Files, Place};
 use super::triplets::{self, LIGHTS_PER_PAIR};
+use super::view::rigid;
 use crate::Error;
 use crate::pair::{CameraRecord, PAIR_NAME, PairRecord, ViewName, camera_name, image_name};
 use crate::photometric::{self, Settings, SiteRule};
@@ -83,7 +85,9 @@ fn of_own(place: &Place, file: &str, view: ViewName, light_idx: usize) -> Result
         return Err(Error::unexpected(&path, expected, camera.world));
     }
     Ok(PictureSun {
-        direction_in_cam: camera.world_from_cam().inverse().vector(&Vector3::from(sun.direction)).normalize(),
+        direction_in_cam: rigid(&own::world_from_cam(&camera))?
+            .inverse()
+            .vector(&Vector3::from(sun.direction)),
         sigma_rad: 0.0,
         from: format!("light {light_idx} of `{}`", place.path(PAIR_NAME).display()),
         files: vec![place.path(PAIR_NAME), place.path(&camera_file)],
