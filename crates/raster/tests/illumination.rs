@@ -1,6 +1,6 @@
 //! What labels say of the Sun.
 // Helpers of a test are tests too: a failure there is a panic with its place.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use selenograph_geometry::sun::SubSolar;
 use selenograph_geometry::time::Utc;
