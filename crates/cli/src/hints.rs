@@ -84,6 +84,12 @@ fn geometry(error: &selenograph_geometry::Error) -> Option<String> {
                 "bring the first onto the sphere of the other: `gdalwarp -t_srs \"+proj=… +R={beside_radius_m}\" in.tif warped.tif` moves the map, `gdal_calc.py -A warped.tif --calc=\"A+({more_m})\" --outfile=out.tif` its heights (metres), which count from the sphere"
             ))
         }
+        Error::Time { .. } => some(
+            "times are UTC in ISO 8601: `1971-07-31T14:12:05.5`, or with the day of the year `1971-212T14:12:05.5`",
+        ),
+        Error::TimeOutside { .. } => some(
+            "give the Sun itself: `--sun-a` and `--sun-b`, as AZ,EL or as a vector X,Y,Z in the camera's axes",
+        ),
         _ => None,
     }
 }

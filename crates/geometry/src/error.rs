@@ -1,5 +1,7 @@
 //! What can be wrong with a geometric input.
 
+use crate::time::Utc;
+
 /// What can be wrong with a geometric input.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -49,6 +51,24 @@ pub enum Error {
     Scale {
         /// The scale as it was given.
         scale: f64,
+    },
+    /// A text that is no time.
+    #[error("time `{text}`: expected {expected}")]
+    Time {
+        /// The text as it was given.
+        text: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// A time for which a series was not made.
+    #[error("the Sun's place over the Moon is known from {first} to {last}, not for {found}")]
+    TimeOutside {
+        /// The time as it was given.
+        found: Utc,
+        /// First year of the series.
+        first: i32,
+        /// Last year of the series.
+        last: i32,
     },
     /// A viewing direction that leaves the camera's roll undefined.
     #[error("look-at is degenerate: {what}")]

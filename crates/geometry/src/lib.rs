@@ -14,6 +14,8 @@ mod projection;
 mod rigid;
 pub mod robust;
 mod similarity;
+pub mod sun;
+pub mod time;
 pub mod units;
 
 pub use body::{Body, Geodetic};

@@ -1,7 +1,7 @@
 //! Units that configuration and reports use; the code computes in metres and radians.
 
 /// One astronomical unit (IAU 2012 resolution B2), metres.
-pub(crate) const ASTRONOMICAL_UNIT_M: f64 = 149_597_870_700.0;
+pub const ASTRONOMICAL_UNIT_M: f64 = 149_597_870_700.0;
 
 /// Radius of the solar photosphere, metres (the value of the reference scripts, `696 342 km`).
 pub(crate) const SUN_RADIUS_M: f64 = 696_342_000.0;

@@ -13,6 +13,7 @@ pub mod dem;
 pub mod error;
 pub mod georef;
 pub mod gradient;
+pub mod illumination;
 pub mod resample;
 mod sample;
 pub mod statistics;

@@ -47,6 +47,17 @@ impl KnownSun {
     }
 }
 
+/// Suns that are further apart light the same ground too differently for stereo, radians.
+const SAME_SUN_RAD: f64 = 0.1;
+
+/// Whether two Suns, seen by cameras that are turned against each other, are one, as far as both are known.
+pub(crate) fn same_sun(suns: &[Option<KnownSun>; 2], cam_b_from_cam_a: &Rigid3<CamB, CamA>) -> bool {
+    match suns {
+        [Some(a), Some(b)] => a.direction.angle(&b.in_cam_a(&cam_b_from_cam_a.inverse())) < SAME_SUN_RAD,
+        _ => true,
+    }
+}
+
 /// A length that was given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KnownLength {
@@ -91,6 +102,16 @@ pub struct Priors {
 }
 
 impl Priors {
+    /// Whether the pictures may have been taken under two Suns: those that are told are two, or they are told in axes of two cameras whose
+    /// relative pose is not known yet, in numbers that differ.
+    pub fn may_be_two_suns(&self) -> bool {
+        match (&self.suns, &self.cam_b_from_cam_a) {
+            (suns, Some(pose)) => !same_sun(suns, &pose.cam_b_from_cam_a),
+            ([Some(a), Some(b)], None) if b.axes == SunAxes::Own => a.direction != b.direction,
+            (suns, None) => !same_sun(suns, &Rigid3::identity()),
+        }
+    }
+
     /// Which prior gives the size; `None` if there is none.
     ///
     /// # Errors

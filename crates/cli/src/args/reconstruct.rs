@@ -4,6 +4,7 @@ use super::Target;
 use super::data::KConvention;
 use super::network::NetworkChoice;
 use clap::Args;
+use selenograph_geometry::time::Utc;
 use selenograph_reconstruct::learned::{PointsFrom, PoseFrom};
 use selenograph_reconstruct::pipeline::Method;
 use selenograph_reconstruct::scale::ScaleSource;
@@ -112,11 +113,18 @@ pub struct Known {
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
     /// Sun of the first picture: azimuth from north and elevation in degrees (needs --world-from-cam-a), or a vector in that camera's axes
-    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true, requires = "sun_b")]
+    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true)]
     pub sun_a: Option<SunGiven>,
     /// Sun of the second picture; a vector is in the axes of the second camera
-    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true, requires = "sun_a")]
+    #[arg(long, value_name = "AZ,EL|X,Y,Z", value_parser = sun, allow_hyphen_values = true)]
     pub sun_b: Option<SunGiven>,
+    /// When the first picture was taken, for example 1971-07-31T14:12:05.5: with --world-from-cam-a it tells the Sun. Without this and
+    /// --sun-a the picture's label or the record of its pair does
+    #[arg(long, value_name = "UTC")]
+    pub time_a: Option<Utc>,
+    /// When the second picture was taken
+    #[arg(long, value_name = "UTC")]
+    pub time_b: Option<Utc>,
     /// Where the size comes from, if several of the above can tell
     #[arg(long, value_name = "SOURCE")]
     pub scale_from: Option<ScaleSource>,

@@ -19,6 +19,7 @@ mod photometry;
 mod program;
 mod reconstruct;
 mod shipped;
+mod suns;
 mod tiff;
 #[cfg(feature = "train")]
 mod train_input;

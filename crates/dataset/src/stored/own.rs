@@ -50,20 +50,24 @@ pub(super) fn read_truth(files: &Files<'_>, view: ViewName) -> Result<(RawView, 
         let names: Vec<_> = truth.channels.iter().map(|channel| channel.name.as_str()).collect();
         return Err(Error::unexpected(&path, format!("a channel `{DEPTH_CHANNEL}`"), names.join(", ")));
     };
-    let rows = record.world_from_cam;
     let raw = RawView {
         path,
         k: Matrix3::from_fn(|i, j| record.k[i][j]),
         k_convention: record.k_pixel_convention,
         distortion: record.distortion,
-        world_from_cam: Matrix4::from_fn(|i, j| match rows.get(i) {
-            Some(row) => row[j],
-            None => f64::from(u8::from(j == 3)),
-        }),
+        world_from_cam: world_from_cam(&record),
         depth_z: Raster { width, height, data: depth_z.samples },
         depth_stored: depth_z.stored,
     };
     Ok((raw, slope.map(|channel| Raster { width, height, data: channel.samples })))
+}
+
+/// The pose as the record's matrix has it.
+pub(super) fn world_from_cam(record: &CameraRecord) -> Matrix4<f64> {
+    Matrix4::from_fn(|i, j| match record.world_from_cam.get(i) {
+        Some(row) => row[j],
+        None => f64::from(u8::from(j == 3)),
+    })
 }
 
 /// The picture of a view under a light.

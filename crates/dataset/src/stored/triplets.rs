@@ -4,10 +4,10 @@
 //! the geometry of a view is the same under every light.
 
 use super::place::Place;
-use super::view::{RawView, check_size};
+use super::view::{RawView, check_size, rigid};
 use crate::Error;
 use crate::pair::{Trajectory, ViewName};
-use selenograph_geometry::{Distortion, Matrix3, Matrix4, PixelConvention};
+use selenograph_geometry::{BodyFixed, Cam, Distortion, Matrix3, Matrix4, PixelConvention, Rigid3};
 use selenograph_raster::Raster;
 use selenograph_raster::codec::{Picture, exr, jpeg, npz};
 use std::collections::BTreeMap;
@@ -84,7 +84,7 @@ pub fn stem(number: u64) -> String {
 }
 
 /// The number in a file stem such as `im_00432`.
-fn number_of(stem: &str) -> Option<u64> {
+pub(super) fn number_of(stem: &str) -> Option<u64> {
     stem.strip_prefix("im_").filter(|digits| !digits.is_empty()).and_then(|digits| digits.parse().ok())
 }
 
@@ -153,6 +153,15 @@ pub fn read_geometry(
         depth_z: Raster { width, height, data: channel.samples },
         depth_stored: channel.stored,
     })
+}
+
+/// The pose of one image.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Raster`] and [`Error::Format`] for a file that is broken or lacks its arrays, [`Error::Geometry`] for a matrix
+/// that is no rigid motion.
+pub(super) fn read_pose(place: &Place, npz: &str) -> Result<Rigid3<BodyFixed, Cam>, Error> {
+    rigid(&read_camera(place, npz)?.1)
 }
 
 /// Camera matrix and pose of one image, as stored.

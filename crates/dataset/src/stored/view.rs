@@ -54,12 +54,20 @@ impl RawView {
     /// # Errors
     /// [`Error::Geometry`] if the matrix is no rigid motion.
     pub fn world_from_cam(&self) -> Result<Rigid3<BodyFixed, Cam>, Error> {
-        let rotation = self.world_from_cam.fixed_view::<3, 3>(0, 0).into_owned();
-        let origin = Point3::from(self.world_from_cam.fixed_view::<3, 1>(0, 3).into_owned());
-        Rigid3::<BodyFixed, Cam>::from_matrix(&rotation, origin)?;
-        // The check above projects by an iteration that stands still at half turns, which nadir cameras at a pole have.
-        Ok(Rigid3::new(nearest_rotation(&rotation).unwrap_or_else(Rotation3::identity), origin))
+        rigid(&self.world_from_cam)
     }
+}
+
+/// A pose out of a stored matrix.
+///
+/// # Errors
+/// [`Error::Geometry`] if the matrix is no rigid motion.
+pub(super) fn rigid(world_from_cam: &Matrix4<f64>) -> Result<Rigid3<BodyFixed, Cam>, Error> {
+    let rotation = world_from_cam.fixed_view::<3, 3>(0, 0).into_owned();
+    let origin = Point3::from(world_from_cam.fixed_view::<3, 1>(0, 3).into_owned());
+    Rigid3::<BodyFixed, Cam>::from_matrix(&rotation, origin)?;
+    // The check above projects by an iteration that stands still at half turns, which nadir cameras at a pole have.
+    Ok(Rigid3::new(nearest_rotation(&rotation).unwrap_or_else(Rotation3::identity), origin))
 }
 
 /// One view of a pair, with its pictures under each light.

@@ -8,6 +8,7 @@ use super::info::{DemFormat, DemInfo, HeightUnit, OpenOptions, PixelIs, turned_t
 use super::opened::{Opened, RowSource};
 use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
 use crate::beside::find_beside;
+use crate::illumination::{self, Keywords};
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
 use crate::{Affine, Error};
 use roxmltree::{Document, Node};
@@ -324,6 +325,19 @@ fn data_path(label: &Label, array: Node) -> Result<PathBuf, Error> {
         text(file_area, "file_name").ok_or_else(|| label.malformed("PDS4 label", "a file_name", "none"))?;
     find_beside(label.path, name)
         .ok_or_else(|| Error::MissingFile { path: label.path.to_owned(), target: name.to_owned() })
+}
+
+/// What the label says of the Sun.
+pub(crate) fn keywords(path: &Path) -> Result<Keywords, Error> {
+    let xml = read_xml(path)?;
+    let document = parse(path, &xml)?;
+    let stated = |name: &str| {
+        // A name inside another element: `Target_Identification/name`.
+        let mut parts = name.split('/');
+        let node = parts.try_fold(document.root_element(), find)?;
+        Some((node.text()?.trim().to_owned(), node.attribute("unit").map(str::to_owned)))
+    };
+    Ok(Keywords(illumination::names().filter_map(|name| Some((name, stated(name)?))).collect()))
 }
 
 /// The label's array as a picture: no map is needed.

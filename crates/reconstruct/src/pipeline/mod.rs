@@ -11,7 +11,7 @@ use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
 use crate::matches_file::GivenMatches;
 use crate::matching::Match;
 use crate::prediction::NoPose;
-use crate::priors::Priors;
+use crate::priors::{self, Priors};
 use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, SiftOptions};
 use crate::scale::{Placement, ScaleSource};
 use crate::shading::ShadingOptions;
@@ -407,7 +407,7 @@ fn from_pictures(
         }
         (Wanted::Points, Method::Fused) => {
             let [a, b] = [&a, &b];
-            let dense = if shading::same_sun(&priors.suns, pose) {
+            let dense = if priors::same_sun(&priors.suns, pose) {
                 progress(Stage::Dense);
                 match dense(a, b, &start, &options.stereo) {
                     Ok(views) => Some(views),

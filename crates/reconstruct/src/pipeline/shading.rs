@@ -6,10 +6,8 @@ use crate::grid::plane;
 use crate::priors::{KnownSun, Priors};
 use crate::shading::{self, Picture, PoseSigma, Shaded, ShadingOptions};
 use crate::{PredictedView, View, triangulate};
-use selenograph_geometry::{CamA, CamB, Rigid3, Vector3};
+use selenograph_geometry::{Rigid3, Vector3};
 
-/// Suns that are further apart light the same ground too differently for stereo, radians.
-const SAME_SUN_RAD: f64 = 0.1;
 /// How much surer a pose from matches looks than it is: its sigma knows nothing of matches that err together.
 const POSE_DOUBT: f64 = 3.0;
 /// Correlation of a picture with its model below which the model is not believed.
@@ -17,14 +15,6 @@ const MIN_CORRELATION: f64 = 0.9;
 
 /// Names of the pictures in messages.
 const PICTURES: [&str; 2] = ["A", "B"];
-
-/// Whether two Suns, seen by cameras that are turned against each other, are one.
-pub(super) fn same_sun(suns: &[Option<KnownSun>; 2], cam_b_from_cam_a: &Rigid3<CamB, CamA>) -> bool {
-    match suns {
-        [Some(a), Some(b)] => a.direction.angle(&b.in_cam_a(&cam_b_from_cam_a.inverse())) < SAME_SUN_RAD,
-        _ => true,
-    }
-}
 
 /// One surface from both pictures; `dense` is stereo's answer, where there is one.
 pub(super) fn shaded(

@@ -29,3 +29,28 @@ fn the_first_source_is_taken_unless_another_is_asked_for() {
     let absent = Priors { scale_from: Some(ScaleSource::Points), ..both };
     assert!(matches!(absent.place(&prediction), Err(Error::Undetermined { .. })));
 }
+
+#[test]
+fn two_suns_are_two_in_one_camera() {
+    let sun = |direction: Vector3<f64>, axes: SunAxes| Some(KnownSun { direction, axes, sigma_rad: 0.0 });
+    let (own, cam_a) = (SunAxes::Own, SunAxes::CamA);
+    let (x, y) = (Vector3::x(), Vector3::y());
+    // Camera B is turned by 90° about its axis: A's X is its Y.
+    let turned =
+        Rigid3::new(Rotation3::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2), Point3::origin());
+    let pose = Some(KnownPose { cam_b_from_cam_a: turned, metric: false });
+    for (suns, cam_b_from_cam_a, two) in [
+        ([None, None], None, false),
+        ([sun(x, own), None], pose, false),
+        ([sun(x, own), sun(y, own)], pose, false),
+        ([sun(x, own), sun(x, own)], pose, true),
+        ([sun(x, cam_a), sun(x, cam_a)], pose, false),
+        ([sun(x, cam_a), sun(y, cam_a)], None, true),
+        // Nothing says how the cameras are turned: other numbers may be another Sun.
+        ([sun(x, own), sun(y, own)], None, true),
+        ([sun(x, own), sun(x, own)], None, false),
+    ] {
+        let priors = Priors { suns, cam_b_from_cam_a, ..Priors::default() };
+        assert_eq!(priors.may_be_two_suns(), two, "{suns:?}");
+    }
+}

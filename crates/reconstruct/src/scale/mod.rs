@@ -9,7 +9,8 @@ pub mod points;
 
 use crate::Error;
 use crate::prediction::Prediction;
-use selenograph_geometry::{Body, BodyFixed, CamA, Enu, PredA, Rigid3, Sim3, Vector3};
+use selenograph_geometry::sun::SubSolar;
+use selenograph_geometry::{Body, BodyFixed, CamA, Enu, Geodetic, PredA, Rigid3, Sim3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// What is known of the world around camera A.
@@ -58,6 +59,44 @@ impl World {
                 let below = body.place(&body_from_cam_a.origin());
                 Some(body_from_cam_a.inverse().vector(&body.direction(&below, azimuth_rad, elevation_rad)))
             }
+        }
+    }
+}
+
+impl World {
+    /// Unit vector from where camera A stands to a Sun over the Moon, in the axes of camera A; `None` unless it stands on the Moon.
+    ///
+    /// It is that of the whole scene and of camera B as well: 100 km further the Sun stands 4e-5° elsewhere in the body's axes.
+    pub fn sun_in_cam_a(&self, sun: &SubSolar) -> Option<Vector3<f64>> {
+        match self {
+            Self::Body { body, body_from_cam_a } if *body == Body::moon() => {
+                Some(body_from_cam_a.inverse().vector(&sun.direction_from(&body_from_cam_a.origin())))
+            }
+            _ => None,
+        }
+    }
+
+    /// The place on the body's sphere that camera A looks at, or the one below it where it looks past the body; `None` unless it
+    /// stands on a body.
+    pub fn ground(&self) -> Option<Geodetic> {
+        let Self::Body { body, body_from_cam_a } = self else { return None };
+        let (origin, axis) = (body_from_cam_a.origin(), body_from_cam_a.vector(&Vector3::z()));
+        // |origin + range · axis| = radius, the nearer one.
+        let along = origin.coords.dot(&axis);
+        let across_sq = origin.coords.norm_squared() - along * along;
+        let range = -along - (body.radius_m * body.radius_m - across_sq).sqrt();
+        let seen = if range > 0.0 { origin + axis * range } else { origin };
+        Some(Geodetic { height_m: 0.0, ..body.place(&seen) })
+    }
+
+    /// How high a direction in the axes of camera A points above the horizon of [`Self::ground`], radians; where only the vertical is
+    /// known, above the plane across it.
+    pub fn elevation_rad(&self, direction: &Vector3<f64>) -> Option<f64> {
+        match (self, self.ground()) {
+            (Self::Body { body, body_from_cam_a }, Some(ground)) => {
+                Some(body.azimuth_elevation(&ground, &body_from_cam_a.vector(direction)).1)
+            }
+            _ => Some(std::f64::consts::FRAC_PI_2 - self.up_in_cam_a()?.angle(direction)),
         }
     }
 }

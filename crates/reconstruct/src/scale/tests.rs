@@ -93,3 +93,50 @@ fn a_similarity_to_the_body_is_a_scale_and_a_pose() {
     let up = placement.world.up_in_cam_a().unwrap();
     assert!((up.norm() - 1.0).abs() < 1e-12);
 }
+
+/// A camera over the equator at 0° E, `height_m` up, that looks `tilt_rad` off straight down, towards the east; its X is north.
+fn over_the_equator(body: Body, height_m: f64, tilt_rad: f64) -> World {
+    let (sin, cos) = tilt_rad.sin_cos();
+    let forward = Vector3::new(-cos, sin, 0.0);
+    let right = Vector3::z();
+    let axes = selenograph_geometry::Matrix3::from_columns(&[right, forward.cross(&right), forward]);
+    let rotation = selenograph_geometry::Rotation3::from_matrix_unchecked(axes);
+    let position = Point3::new(body.radius_m + height_m, 0.0, 0.0);
+    World::Body { body, body_from_cam_a: Rigid3::new(rotation, position) }
+}
+
+#[test]
+fn a_sun_over_the_moon_is_seen_from_where_camera_a_stands() {
+    let world = over_the_equator(Body::moon(), 100_000.0, 0.0);
+    // Sun in the east at an elevation of 30°, less the parallax of 0.0006°.
+    let sun = world.sun_in_cam_a(&SubSolar::from_deg(0.0, 60.0)).unwrap();
+    let told = world.sky_in_cam_a(90f64.to_radians(), 30f64.to_radians()).unwrap();
+    assert!((2e-6..1.2e-5).contains(&sun.angle(&told)), "{}", sun.angle(&told));
+    let elevation = world.elevation_rad(&sun).unwrap().to_degrees();
+    assert!((elevation - 30.0).abs() < 1e-3 && elevation < 30.0, "{elevation}");
+    for other in
+        [over_the_equator(Body::mars(), 100_000.0, 0.0), World::Level(Rigid3::identity()), World::Unknown]
+    {
+        assert_eq!(other.sun_in_cam_a(&SubSolar::from_deg(0.0, 60.0)), None);
+    }
+}
+
+#[test]
+fn the_horizon_is_that_of_the_ground_in_view() {
+    // 300 km up and 45° off: arcsin(sin 45° · (R + 300 km) / R) − 45° further east.
+    let world = over_the_equator(Body::moon(), 300_000.0, 45f64.to_radians());
+    let radius = Body::moon().radius_m;
+    let further = (45f64.to_radians().sin() * (radius + 300_000.0) / radius).asin() - 45f64.to_radians();
+    let ground = world.ground().unwrap();
+    assert!(
+        (ground.lon_rad - further).abs() < 1e-9 && ground.lat_rad.abs() < 1e-12 && ground.height_m == 0.0
+    );
+    let east = world.sky_in_cam_a(90f64.to_radians(), 0.0).unwrap();
+    assert!((world.elevation_rad(&east).unwrap() - further).abs() < 1e-9);
+    // Past the limb the ground is that below the camera.
+    let past = over_the_equator(Body::moon(), 300_000.0, 80f64.to_radians());
+    assert!(past.ground().unwrap().lon_rad.abs() < 1e-12);
+    let level = World::Level(Rigid3::identity());
+    assert!((level.elevation_rad(&Vector3::new(0.0, 1.0, 1.0)).unwrap().to_degrees() - 45.0).abs() < 1e-9);
+    assert_eq!((level.ground(), World::Unknown.elevation_rad(&Vector3::z())), (None, None));
+}

@@ -1,12 +1,14 @@
 //! What is known of where the pictures were taken, from the command line and the files it names.
 
 use super::inputs::Pictures;
-use crate::args::reconstruct::{Known, SunGiven};
+use super::suns::{self, SunRecord, Suns};
+use crate::args::reconstruct::Known;
 use crate::exit::refuse;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
-use selenograph_reconstruct::priors::{KnownLength, KnownPose, KnownSun, Priors, SunAxes, between};
+use selenograph_reconstruct::pipeline::Method;
+use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, between};
 use selenograph_reconstruct::scale::dem::DemPatch;
 use selenograph_reconstruct::scale::points::KnownPoints;
 use selenograph_reconstruct::scale::{ScaleSource, World};
@@ -29,18 +31,20 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     dem_cell_m: Option<f64>,
     num_points: usize,
-    /// Unit vectors: in the axes of camera A where they were told in the sky, in each camera's own otherwise.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suns: Option<[[f64; 3]; 2]>,
     /// Where the size comes from.
     scale_from: Option<ScaleSource>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun_a: Option<SunRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun_b: Option<SunRecord>,
 }
 
-/// Everything that is known.
+/// Everything that is known; the Suns also from the pictures' own files, for the method that looks at shading.
 ///
 /// # Errors
-/// Files that are no poses, elevation models or points; poses of different worlds; a source of size that is not there.
-pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Summary)> {
+/// Files that are no poses, elevation models or points; poses of different worlds; a source of size that is not there; a Sun or
+/// time that needs a place, or does not light it.
+pub fn priors(known: &Known, method: Method, pictures: &Pictures) -> anyhow::Result<(Priors, Summary, Suns)> {
     let sizes = pictures.sizes();
     let places = [0, 1].map(|k| PictureSize::new(sizes[k][0], sizes[k][1]).at(&pictures.paths[k]));
     let mut priors = Priors {
@@ -70,10 +74,9 @@ pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Sum
     } else if let Some(up) = known.up_in_cam_a {
         priors.world = World::Level(Rigid3::new(level(&Vector3::from(up)), Point3::origin()));
     }
-    priors.suns = suns(known, &priors.world)?;
-    if let [Some(a), Some(b)] = priors.suns {
-        summary.suns = Some([a, b].map(|sun| sun.direction.into()));
-    }
+    let suns = suns::find(known, &priors, &pictures.paths, method == Method::Fused)?;
+    priors.suns = suns.known;
+    [summary.sun_a, summary.sun_b] = suns.records.clone();
     summary.relative_pose = priors.cam_b_from_cam_a.is_some();
     if let Some(path) = &known.dem {
         let dem = dem("--dem", path, &priors.world)?;
@@ -86,29 +89,7 @@ pub fn priors(known: &Known, pictures: &Pictures) -> anyhow::Result<(Priors, Sum
         priors.points = Some(points);
     }
     summary.scale_from = priors.scale_from()?;
-    Ok((priors, summary))
-}
-
-/// Both Suns, where they are told.
-fn suns(known: &Known, world: &World) -> anyhow::Result<[Option<KnownSun>; 2]> {
-    let sun = |name: &str, given: Option<SunGiven>| {
-        let (direction, axes) = match given {
-            None => return Ok(None),
-            Some(SunGiven::Camera(direction)) => (Vector3::from(direction), SunAxes::Own),
-            Some(SunGiven::Sky([azimuth, elevation])) => {
-                let found = world.sky_in_cam_a(azimuth.to_radians(), elevation.to_radians());
-                let direction = found.filter(|_| known.world_from_cam_a.is_some()).ok_or_else(|| {
-                    refuse(
-                        format!("{name} in azimuth and elevation, and nothing says where north is"),
-                        "give --world-from-cam-a as well, or the Sun as a vector X,Y,Z in the camera's axes",
-                    )
-                })?;
-                (direction, SunAxes::CamA)
-            }
-        };
-        Ok::<_, anyhow::Error>(Some(KnownSun { direction, axes, sigma_rad: 0.0 }))
-    };
-    Ok([sun("--sun-a", known.sun_a)?, sun("--sun-b", known.sun_b)?])
+    Ok((priors, summary, suns))
 }
 
 fn length(name: &str, metres: Option<f64>, sigma_m: Option<f64>) -> anyhow::Result<Option<KnownLength>> {

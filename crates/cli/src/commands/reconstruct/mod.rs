@@ -7,6 +7,7 @@ mod pose_file;
 mod reference;
 mod report;
 mod scene;
+mod suns;
 
 use super::clock::instant;
 use super::data_check::convention;
@@ -28,8 +29,9 @@ use selenograph_reconstruct::pipeline::{self, Input, Method, Options, Reconstruc
 use selenograph_reconstruct::products::{self, ProductInput, ProductOptions, Products};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+use suns::SunRecord;
 
 pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
     command: "reconstruct",
@@ -81,6 +83,11 @@ struct Answer {
     /// Absent where no elevation model was named, or none of the place.
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<reference::Record>,
+    /// Absent where it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun_a: Option<SunRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun_b: Option<SunRecord>,
     warnings: Vec<String>,
 }
 
@@ -89,20 +96,10 @@ struct Answer {
 /// # Errors
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
-    if args.method == Method::Fused && args.known.sun_a.is_none() {
-        return Err(refuse(
-            "--method fused looks at shading, and no Sun is given",
-            "give --sun-a and --sun-b, or take --method stereo",
-        ));
-    }
-    // Features have nothing in common under two Suns; a network's matches may.
-    let two_suns =
-        args.method == Method::Fused && args.known.sun_a != args.known.sun_b && args.matches.is_none();
-    let network = if args.method.needs_network() || two_suns {
-        Some(network_choice::Choice::new(args)?)
-    } else {
-        network::unused(&args.network)?;
-        None
+    // Of `fused` it is decided when its Suns are known.
+    let mut network = match args.method {
+        Method::Fused => None,
+        method => network_choice(args, method.needs_network())?,
     };
     if args.matches.is_some() && !args.method.takes_matches() {
         return Err(refuse(
@@ -112,7 +109,17 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     let draft = args.target.folder(&RECONSTRUCTION)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
-    let (priors, known) = ui.timed("read what is known", || known::priors(&args.known, &pictures))?;
+    let (priors, known, suns) =
+        ui.timed("read what is known", || known::priors(&args.known, args.method, &pictures))?;
+    for note in &suns.notes {
+        ui.note(&format!("note: {note}"));
+    }
+    if args.method == Method::Fused {
+        suns.both()?;
+        suns.sentences().for_each(|sentence| ui.note(&sentence));
+        // Features have nothing in common under two Suns; a network's matches may.
+        network = network_choice(args, priors.may_be_two_suns() && args.matches.is_none())?;
+    }
     let reference = Reference::read(args, &priors)?;
     let options = options(args, &pictures);
     let product_options = product_options(&args.products, args.complete);
@@ -155,7 +162,9 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
             Some(reference) => reference.compared(&found, &made, ui)?,
             None => None,
         },
-        warnings: found.warnings.iter().map(ToString::to_string).collect(),
+        sun_a: known.sun_a.clone(),
+        sun_b: known.sun_b.clone(),
+        warnings: found.warnings.iter().map(ToString::to_string).chain(suns.notes).collect(),
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
     let settings = Settings {
@@ -165,7 +174,8 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         known,
         cameras: inputs::CameraSummary::new(&found),
     };
-    let run_toml = write_record(folder, RECONSTRUCTION.command, &args.files(), &settings, NO_OUTCOME)?;
+    let read: Vec<PathBuf> = args.files().into_iter().chain(suns.files).collect();
+    let run_toml = write_record(folder, RECONSTRUCTION.command, &read, &settings, NO_OUTCOME)?;
     if !args.products.no_report {
         let page = ui.timed("report", || {
             report::page(&pictures, &found, &made, pose.as_ref(), answer.reference.as_ref(), &run_toml)
@@ -182,6 +192,15 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     let shown = if args.products.no_report { "products.json" } else { "report.html" };
     ui.note(&format!("{}/{shown}", args.target.out.display()));
     Ok(Outcome::Done)
+}
+
+/// How the network runs, where it is asked; settings of one that is not asked are refused.
+fn network_choice(args: &Reconstruct, is_asked: bool) -> anyhow::Result<Option<network_choice::Choice>> {
+    if is_asked {
+        return network_choice::Choice::new(args).map(Some);
+    }
+    network::unused(&args.network)?;
+    Ok(None)
 }
 
 /// The matches of a file, in place of features.

@@ -8,6 +8,7 @@ use super::raw;
 use crate::beside::find_beside;
 use crate::dem::pds3::label::{self, Block, Value};
 use crate::dem::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn};
+use crate::illumination::{self, Keywords};
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
 use crate::{Error, Raster};
 use selenograph_files::regular;
@@ -31,10 +32,7 @@ pub(super) fn read(path: &Path) -> Result<PictureFile, Error> {
 
 /// The `Core` object of the label. Only it is parsed: other parts hold values broken over lines with hyphens.
 fn core_object(path: &Path) -> Result<Block, Error> {
-    let mut bytes = Vec::new();
-    let (file, _) = regular::open(path).map_err(Error::io("open", path))?;
-    file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
-    let text: String = bytes.iter().map(|&b| char::from(b)).collect();
+    let text = label_text(path)?;
     let is = |line: &str, key: &str, value: &str| {
         let (found, rest) = line.split_once('=').unwrap_or((line, ""));
         found.trim().eq_ignore_ascii_case(key) && rest.trim().eq_ignore_ascii_case(value)
@@ -50,6 +48,39 @@ fn core_object(path: &Path) -> Result<Block, Error> {
     let label =
         label::parse(&core).map_err(|(expected, found)| malformed(path, "label", &expected, found))?;
     label.find_block("CORE").cloned().ok_or_else(|| malformed(path, "label", "an object Core", "none"))
+}
+
+fn label_text(path: &Path) -> Result<String, Error> {
+    let mut bytes = Vec::new();
+    let (file, _) = regular::open(path).map_err(Error::io("open", path))?;
+    file.take(MAX_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
+    Ok(bytes.iter().map(|&b| char::from(b)).collect())
+}
+
+/// What the label says of the Sun, line by line: parts of it hold values broken over lines with hyphens. Times and targets are those of
+/// the group `Instrument`, as other groups and tables have times of their own.
+pub(crate) fn keywords(path: &Path) -> Result<Keywords, Error> {
+    let text = label_text(path)?;
+    let (mut group, mut found) = (String::new(), Vec::new());
+    let lines = text.lines().map(|line| line.trim_end_matches('\0').trim());
+    for line in lines.take_while(|line| !line.eq_ignore_ascii_case("end")) {
+        let (key, value) = line.split_once('=').map_or((line, ""), |(key, value)| (key.trim(), value.trim()));
+        match key.to_ascii_lowercase().as_str() {
+            "group" | "object" => value.to_ascii_lowercase().clone_into(&mut group),
+            "end_group" | "end_object" => group.clear(),
+            "starttime" | "stoptime" | "targetname" if group != "instrument" => {}
+            _ => {
+                let Some(name) = illumination::names().find(|name| name.eq_ignore_ascii_case(key)) else {
+                    continue;
+                };
+                let (value, unit) = value.split_once('<').unwrap_or((value, ""));
+                let unit = unit.trim_end_matches('>').trim();
+                let unit = (!unit.is_empty()).then(|| unit.to_owned());
+                found.push((name, (value.trim().trim_matches('"').to_owned(), unit)));
+            }
+        }
+    }
+    Ok(Keywords(found))
 }
 
 fn malformed(path: &Path, what: &str, expected: &str, found: impl ToString) -> Error {

@@ -2,7 +2,7 @@
 
 mod compressed;
 mod found;
-mod isis;
+pub(crate) mod isis;
 mod raw;
 mod tiff;
 
@@ -11,7 +11,7 @@ pub use found::{GreyUnit, PictureFile, PictureFormat};
 use crate::Error;
 use crate::beside::label_beside;
 use crate::content::{Content, content_of};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const FORMATS: &str = "PNG, JPEG, TIFF, PGM, a PDS3 label or image, a PDS4 label or an ISIS cube";
 
@@ -24,12 +24,8 @@ const FORMATS: &str = "PNG, JPEG, TIFF, PGM, a PDS3 label or image, a PDS4 label
 /// [`Error::Unsupported`] for variants that are not read and for more than 268 million pixels; [`Error::AllNodata`]
 /// if not one sample is valid.
 pub fn read_picture(path: &Path) -> Result<PictureFile, Error> {
-    let mut content = content_of(path)?;
-    let label = if content.is_raw() { label_beside(path) } else { None };
-    if let Some(label) = &label {
-        content = content_of(label)?;
-    }
-    let described = label.as_deref().unwrap_or(path);
+    let (described, content) = described_by(path)?;
+    let described = described.as_path();
     let file = match content {
         Content::Png => compressed::read(described, PictureFormat::Png),
         Content::Jpeg => compressed::read(described, PictureFormat::Jpeg),
@@ -48,4 +44,14 @@ pub fn read_picture(path: &Path) -> Result<PictureFile, Error> {
         return Err(Error::AllNodata { path: file.data_path, num_samples });
     }
     Ok(PictureFile { path: path.to_owned(), ..file })
+}
+
+/// The file that says what a picture is, the picture itself or the label beside it, and what that file holds.
+pub(crate) fn described_by(path: &Path) -> Result<(PathBuf, Content), Error> {
+    let content = content_of(path)?;
+    let label = if content.is_raw() { label_beside(path) } else { None };
+    Ok(match label {
+        Some(label) => (label.clone(), content_of(&label)?),
+        None => (path.to_owned(), content),
+    })
 }

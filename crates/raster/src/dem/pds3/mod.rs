@@ -8,6 +8,7 @@ use super::opened::{Opened, RowSource};
 use super::raw::{Interleave, RawLayout, RawPicture, RawRows, Turn, of_band};
 use crate::Error;
 use crate::beside::find_beside;
+use crate::illumination::{self, Keywords};
 use crate::sample::{ByteOrder, HeightLaw, SampleType};
 use label::{Block, Value};
 use selenograph_files::regular;
@@ -104,6 +105,13 @@ pub(crate) fn picture(path: &Path) -> Result<RawPicture, Error> {
         layout,
         notes,
     })
+}
+
+/// What the label says of the Sun.
+pub(crate) fn keywords(path: &Path) -> Result<Keywords, Error> {
+    let label = read_label(path)?;
+    let stated = |value: &Value| (value.text().to_owned(), value.unit().map(str::to_owned));
+    Ok(Keywords(illumination::names().filter_map(|name| Some((name, stated(label.find(name)?)))).collect()))
 }
 
 /// The label's IMAGE object, unless the image is encoded.
