@@ -72,7 +72,7 @@ pub(super) fn shaded(
             sun_sigma_rad: sun_b.sigma_rad,
         },
     ];
-    let start = shading::Start { plane, views: dense };
+    let start = shading::Start { plane, views: dense, ground: None, least_cell: 0.0 };
     let shaded = shading::shade(&pictures, &start, options).map_err(|error| no_shading(error.to_string()))?;
     for (picture, explained) in PICTURES.into_iter().zip(&shaded.pictures) {
         let correlation = explained.correlation;

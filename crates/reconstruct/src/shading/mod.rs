@@ -18,18 +18,23 @@
 
 mod anchor;
 mod answer;
+mod compared;
 mod equations;
 mod globals;
+mod known_ground;
 mod linearise;
 mod patch;
 mod picture;
 mod run;
+mod sharpened;
 
 use crate::View;
 use crate::grid::plane::Plane;
 use crate::prediction::{Fill, PredictedView};
 use anchor::Anchor;
+pub use compared::{Compared, Likeness};
 use globals::{Free, Global, Globals, PHASE_POWERS, Shot};
+pub use known_ground::{HeightOver, KnownGround};
 use linearise::{LawTable, Surface};
 pub use patch::Patch;
 use picture::{PicturePyramid, Placed};
@@ -38,6 +43,7 @@ use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vecto
 use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
+pub use sharpened::Sharpened;
 
 /// A picture with all that is known of it.
 #[derive(Debug, Clone)]
@@ -125,6 +131,10 @@ pub struct Start<'a> {
     pub plane: Plane,
     /// Stereo's answer in the views of the first two pictures, where there is one.
     pub views: Option<&'a [PredictedView; 2]>,
+    /// An elevation model that is to be sharpened; takes the place of `views`.
+    pub ground: Option<KnownGround<'a>>,
+    /// Smallest side of a cell, in the scene's unit; 0 for the sharpest picture's pixel.
+    pub least_cell: f64,
 }
 
 /// One picture's part in the answer.
@@ -153,10 +163,18 @@ pub struct Shaded {
     pub heights: Raster<f32>,
     /// Logarithm of the albedo against the law's.
     pub log_albedo: Raster<f32>,
+    /// Heights of the ground that was known beforehand, in cells, NaN where it is not known; `None` where the surface began with
+    /// something else.
+    pub known: Option<Raster<f32>>,
     /// The pictures.
     pub pictures: Vec<Explained>,
     /// How many pictures show each cell lit.
     pub num_seen: Raster<u8>,
+    /// How like each picture the model of the start is, on the coarsest cells that the surface was changed on: shape and size of what
+    /// is known beforehand, and no albedo yet.
+    pub start: Vec<Likeness>,
+    /// Each picture and its model on the cells.
+    pub compared: Vec<Compared>,
     /// Energy per compared cell, before the first and after each accepted step at the finest level.
     pub energies: Vec<f64>,
     placed: Vec<Placed>,
@@ -177,24 +195,35 @@ pub enum Error {
 /// [`Error::NotSeen`] where the start has nothing to do with the pictures.
 pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptions) -> Result<Shaded, Error> {
     let mut num_levels = 1;
-    let side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
+    let mut side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
+    let cover = |multiple: usize| {
+        Patch::cover(&start.plane, pictures, start.least_cell, options.max_cells, multiple)
+            .ok_or(Error::NotSeen)
+    };
+    if start.least_cell > 0.0 {
+        let (patch, _) = cover(1)?;
+        side = side.min(patch.width).min(patch.height);
+    }
     while side >> num_levels >= options.coarsest_cells {
         num_levels += 1;
     }
     let multiple = 1 << (num_levels - 1);
-    let (patch, pixels_per_cell) =
-        Patch::cover(&start.plane, pictures, options.max_cells, multiple).ok_or(Error::NotSeen)?;
+    let (patch, pixels_per_cell) = cover(multiple)?;
     let pyramids = pictures.iter().map(|p| PicturePyramid::new(p, num_levels + 2)).collect();
     let mut anchors: Vec<Anchor> = Vec::new();
-    if let Some(views) = start.views {
+    let mut used = num_levels;
+    if let Some(ground) = &start.ground {
+        anchors.push(Anchor::of_ground(ground, &patch));
+        used = (1 + ground.levels(patch.cell)).min(num_levels);
+    } else if let Some(views) = start.views {
         let eye = |k: usize| pictures[k].cam_from_scene.inverse().origin();
         anchors.push(Anchor::of_views(views, [eye(0), eye(1)], &patch));
-        for _ in 1..num_levels {
-            let coarser = anchors[anchors.len() - 1].halved();
-            anchors.push(coarser);
-        }
+        used = options.levels_from_stereo.min(num_levels);
     }
-    let used = if anchors.is_empty() { num_levels } else { options.levels_from_stereo.min(num_levels) };
+    for _ in 1..if anchors.is_empty() { 0 } else { num_levels } {
+        let coarser = anchors[anchors.len() - 1].halved();
+        anchors.push(coarser);
+    }
     let surfaces: Vec<Surface> = (0..used)
         .map(|level_idx| {
             let (width, height) = (patch.width >> level_idx, patch.height >> level_idx);
@@ -222,6 +251,7 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     }
     let placed: Vec<Placed> = pictures.iter().map(|p| Placed::new(p, &patch)).collect();
     let globals = problem.start_globals(pictures, &placed, &surfaces[used - 1], used - 1);
+    let first = problem.compared(&surfaces[used - 1], &globals, used - 1);
     let solution = problem.run(surfaces, globals).ok_or(Error::NotSeen)?;
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
     let explained = solution
@@ -239,11 +269,15 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
             lit_share: f64::from(pyramid.lit_share),
         })
         .collect();
+    let compared = problem.compared(&solution.surface, &solution.globals, 0);
     Ok(Shaded {
         heights: raster(&solution.surface.heights),
         log_albedo: raster(&solution.surface.albedo),
+        known: problem.anchors.first().filter(|_| start.ground.is_some()).map(Anchor::known),
         num_seen: linearise::num_seen(&solution.surface, &solution.globals, &problem.shown(0)),
         pictures: explained,
+        start: first.iter().map(Compared::likeness).collect(),
+        compared,
         energies: solution.energies,
         placed: solution.globals.shots.iter().map(|shot| shot.placed).collect(),
         patch,
