@@ -6,11 +6,13 @@
 //! # Source
 //! Alexandrov & Beyer 2018, "Multiview shape-from-shading for planetary images", Earth and Space Science 5(10).
 
+mod agreement;
 mod quality;
 #[cfg(test)]
 mod tests;
 mod view_of;
 
+pub use agreement::Octave;
 pub use quality::Quality;
 
 use crate::View;
@@ -18,6 +20,7 @@ use crate::grid::fade;
 use crate::grid::plane::{self, Plane};
 use crate::scale::dem::DemPatch;
 use crate::shading::{self, KnownGround, Picture, Shaded, ShadingOptions, Sharpened, Start};
+use agreement::Verdict;
 use rayon::prelude::*;
 use selenograph_geometry::{BodyFixed, Cam, Point3, PredA, Rigid3, Vector3, pixel};
 use selenograph_raster::dem::DemReader;
@@ -88,12 +91,12 @@ pub enum Error {
     },
     /// The model under this Sun does not look like the picture.
     #[error(
-        "picture {number} does not show this ground: the elevation model under its Sun has a correlation of {correlation:.2} with it, expected at least {least}"
+        "picture {number} does not show this ground: the elevation model under its Sun is like it with a correlation of {correlation:.2} at best, expected at least {least}"
     )]
     OtherGround {
         /// Which picture, from 1.
         number: usize,
-        /// Correlation of the model's rendering with the picture.
+        /// Correlation of the model's rendering with the picture, in the octave that is likest.
         correlation: f64,
         /// The least that is taken.
         least: f64,
@@ -165,6 +168,8 @@ pub struct Refined {
     pub residuals: Vec<Raster<f32>>,
     /// How much of the change counts, 0 to 1.
     pub weight: Raster<f32>,
+    /// How like each picture a rendering of the model as given is, octave by octave.
+    pub octaves: Vec<Vec<Octave>>,
     /// What the model was taken for.
     pub quality: Quality,
     /// The surface on its own cells, and the pictures on them.
@@ -177,13 +182,8 @@ pub struct Refined {
     pub notes: Vec<String>,
 }
 
-/// Correlation of a picture with a rendering of the model as it was given, on cells of its resolution, below which they are not of one
-/// ground. Of ground 10 km away it is within ±0.2 of zero, of the right ground with true relief above 0.6.
-const LEAST_START_CORRELATION: f64 = 0.35;
-/// Contrast of that rendering below which the model is too smooth to be recognised, in its mean.
-const LEAST_CONTRAST: f64 = 0.02;
 /// Correlation of a picture with its model in the end below which the surface is not believed.
-const LEAST_CORRELATION: f64 = 0.8;
+const LEAST_CORRELATION: f64 = 0.9;
 /// Cells over which a change fades out, at least and at most; between them twice the resolution.
 const FADE_CELLS: [f64; 2] = [8.0, 64.0];
 
@@ -204,25 +204,63 @@ pub fn refine(
     let rows = seen.rows.clone();
     let first = [first[0] + columns.start, first[1] + rows.start];
     let window = model.cropped(columns, rows)?;
-    let quality = Quality::of(&window, options.resolution_m, options.sigma_m);
     let given = on_grid(&window, options.cell_m)?;
     let scene = Scene::new(pictures);
     let plane = scene.plane(&seen)?;
     let height_over = |point: &Vector3<f64>| model.height_over(&scene.in_body(point));
-    let ground = KnownGround {
-        height_over: &height_over,
-        resolution: quality.resolution_m,
-        sigma: quality.sigma_m,
-        missing_relief: quality.missing_relief_m,
+    let in_scene = scene.pictures(pictures);
+    let shade = |quality: &Quality, shading: &ShadingOptions| {
+        let ground = KnownGround {
+            height_over: &height_over,
+            resolution: quality.resolution_m,
+            sigma: quality.sigma_m,
+            missing_relief: quality.missing_relief_m,
+        };
+        let start = Start { plane, views: None, ground: Some(ground), least_cell: given.cell_m() };
+        let shaded = shading::shade(&in_scene, &start, shading);
+        shaded.map(|shaded| (shaded, ground)).map_err(|_| Error::NotInSight { number: 1 })
     };
-    let start = Start { plane, views: None, ground: Some(ground), least_cell: given.cell_m() };
-    let shaded = shading::shade(&scene.pictures(pictures), &start, &options.shading)
-        .map_err(|_| Error::NotInSight { number: 1 })?;
-    let notes = believed(&shaded, &quality)?;
+    // Without a step and on the finest cells: the model as it is, and the pictures on it.
+    let as_given = ShadingOptions { steps: vec![0], ..options.shading.clone() };
+    let (first_look, _) = shade(&Quality::of(&window, 0.0, None, None), &as_given)?;
+    let cell_m = first_look.patch.cell;
+    let octaves: Vec<Vec<Octave>> =
+        first_look.compared.iter().map(|compared| agreement::octaves(compared, cell_m)).collect();
+    drop(first_look);
+    let (from_m, mut notes) = same_ground(&octaves)?;
+    let quality = Quality::of(&window, from_m, options.resolution_m, options.sigma_m);
+    notes.push(quality.sentence());
+    let (shaded, ground) = shade(&quality, &options.shading)?;
+    believed(&shaded)?;
     let sharpened = shaded.sharpened(&ground).ok_or(Error::NotInSight { number: 1 })?;
     let carried = carry(&given, &scene, pictures, &shaded, &sharpened);
     drop(sharpened);
-    Ok(finish(given, carried, pictures.len(), quality, first, notes, shaded))
+    Ok(finish(given, carried, octaves, quality, first, notes, shaded))
+}
+
+/// The length from which on the pictures confirm the model, metres, and what is to be said of it.
+fn same_ground(octaves: &[Vec<Octave>]) -> Result<(f64, Vec<String>), Error> {
+    match agreement::judge(octaves) {
+        Verdict::Agrees { from_m } => Ok((from_m, Vec::new())),
+        Verdict::TooSmooth { longest_m } => {
+            let note = "the elevation model is too smooth to be recognised in the pictures: that they show one ground rests on the cameras alone";
+            Ok((longest_m, vec![note.to_owned()]))
+        }
+        Verdict::OtherGround { picture, correlation } => {
+            Err(Error::OtherGround { number: picture + 1, correlation, least: agreement::SAME_GROUND })
+        }
+    }
+}
+
+/// Whether the surface explains the pictures.
+fn believed(shaded: &Shaded) -> Result<(), Error> {
+    for (k, explained) in shaded.pictures.iter().enumerate() {
+        let correlation = explained.correlation;
+        if correlation.is_nan() || correlation < LEAST_CORRELATION {
+            return Err(Error::NotExplained { number: k + 1, correlation, least: LEAST_CORRELATION });
+        }
+    }
+    Ok(())
 }
 
 /// The pictures' own frame: axes and origin of the first camera.
@@ -273,30 +311,6 @@ fn sunlit(model: &DemPatch, seen: &Seen, pictures: &[PlacedPicture]) -> Result<(
         }
     }
     Ok(())
-}
-
-/// Whether the pictures are of this ground, and what is to be said of it.
-fn believed(shaded: &Shaded, quality: &Quality) -> Result<Vec<String>, Error> {
-    let mut notes = vec![quality.sentence()];
-    for (k, (start, explained)) in shaded.start.iter().zip(&shaded.pictures).enumerate() {
-        let number = k + 1;
-        if start.num_cells == 0 {
-            return Err(Error::NotInSight { number });
-        }
-        let correlation = start.correlation;
-        if start.model_contrast < LEAST_CONTRAST || correlation.is_nan() {
-            notes.push(format!(
-                "the elevation model is too smooth to be recognised in picture {number}: that they show one ground rests on the camera alone"
-            ));
-        } else if correlation < LEAST_START_CORRELATION {
-            return Err(Error::OtherGround { number, correlation, least: LEAST_START_CORRELATION });
-        }
-        let correlation = explained.correlation;
-        if correlation.is_nan() || correlation < LEAST_CORRELATION {
-            return Err(Error::NotExplained { number, correlation, least: LEAST_CORRELATION });
-        }
-    }
-    Ok(notes)
 }
 
 /// The window on the grid of the result.
@@ -372,7 +386,7 @@ fn carry(
 fn finish(
     given: DemPatch,
     carried: Vec<Carried>,
-    num_pictures: usize,
+    octaves: Vec<Vec<Octave>>,
     quality: Quality,
     first: [usize; 2],
     notes: Vec<String>,
@@ -394,11 +408,12 @@ fn finish(
     Refined {
         heights: raster(&|i| heights.data[i] + change.data[i]),
         albedo: raster(&|i| carried[i].log_albedo.exp()),
-        residuals: (0..num_pictures).map(|k| raster(&|i| carried[i].residuals[k])).collect(),
+        residuals: (0..octaves.len()).map(|k| raster(&|i| carried[i].residuals[k])).collect(),
         num_lost: carried.iter().filter(|c| c.in_sight && c.rise.is_nan()).count(),
         given,
         change,
         weight,
+        octaves,
         quality,
         shaded,
         first,

@@ -201,3 +201,28 @@ fn precision(cell: &Gathered) -> f32 {
     let variance = f64::from(cell.count) / cell.weight + disagreement;
     1.0 / (variance as f32).max(LEAST_SIGMA * LEAST_SIGMA)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_their_own_adjoint_and_lengthen_nothing() {
+        let field = |seed: usize| {
+            Raster::from_fn(11, 7, |x, y| ((x * 31 + y * 17 + seed * 29) % 23) as f32 / 11.0 - 1.0)
+        };
+        let means = Means { side: 4.0, precision: 1.0 };
+        let (a, b) = (field(1), field(2));
+        let product = |a: &Raster<f32>, b: &Raster<f32>| {
+            a.data.iter().zip(&b.data).map(|(a, b)| f64::from(a * b)).sum::<f64>()
+        };
+        let (ma, mb) = (means.of(&a), means.of(&b));
+        assert!((product(&ma, &b) - product(&a, &mb)).abs() < 1e-4);
+        assert!(product(&ma, &ma) < product(&a, &a));
+        // Far from the edge a plane stays as it is.
+        let plane = Raster::from_fn(11, 11, |x, y| x as f32 - 2.0 * y as f32);
+        assert!((means.of(&plane)[(5, 5)] - plane[(5, 5)]).abs() < 1e-5);
+        let single = Means { side: 0.4, precision: 1.0 };
+        assert_eq!(single.of(&a).data, a.data);
+    }
+}

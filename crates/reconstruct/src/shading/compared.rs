@@ -15,42 +15,11 @@ pub struct Compared {
     pub model: Raster<f32>,
 }
 
-/// How like a picture its model is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Likeness {
-    /// Correlation over the cells that both show; NaN where one of them is of one grey level.
-    pub correlation: f64,
-    /// Standard deviation of the model's grey levels, in its mean.
-    pub model_contrast: f64,
-    /// Cells that both show.
-    pub num_cells: usize,
-}
-
 impl Compared {
     /// Picture less model.
     pub fn residual(&self) -> Raster<f32> {
         let data = self.picture.data.iter().zip(&self.model.data).map(|(p, m)| p - m).collect();
         Raster { width: self.picture.width, height: self.picture.height, data }
-    }
-
-    /// How like each other the two are.
-    pub fn likeness(&self) -> Likeness {
-        let both = self.picture.data.iter().zip(&self.model.data).filter(|(p, m)| !p.is_nan() && !m.is_nan());
-        let (mut n, mut sums) = (0usize, [0.0f64; 5]);
-        for (p, m) in both {
-            let (p, m) = (f64::from(*p), f64::from(*m));
-            n += 1;
-            for (sum, v) in sums.iter_mut().zip([p, m, p * p, m * m, p * m]) {
-                *sum += v;
-            }
-        }
-        let [p, m, pp, mm, pm] = sums.map(|sum| sum / n as f64);
-        let variance = (mm - m * m).max(0.0);
-        Likeness {
-            correlation: (pm - p * m) / ((pp - p * p).max(0.0) * variance).sqrt(),
-            model_contrast: variance.sqrt() / m,
-            num_cells: n,
-        }
     }
 }
 

@@ -90,10 +90,12 @@ impl Anchor {
         });
         let precision = |sigma: f64| (sigma / patch.cell).max(LEAST_SIGMA).powi(-2) as f32;
         let of_cells = precision(ground.missing_relief.max(ground.sigma));
+        let side = ground.resolution / patch.cell;
+        // Means about neighbours are nearly one: as many as a square has cells count as one.
         Self {
             precision: heights.map(|h| if h.is_nan() { 0.0 } else { of_cells }),
             heights: heights.map(|h| if h.is_nan() { 0.0 } else { *h }),
-            means: Some(Means { side: ground.resolution / patch.cell, precision: precision(ground.sigma) }),
+            means: Some(Means { side, precision: precision(ground.sigma) / (side * side).max(1.0) as f32 }),
         }
     }
 }

@@ -32,7 +32,7 @@ use crate::View;
 use crate::grid::plane::Plane;
 use crate::prediction::{Fill, PredictedView};
 use anchor::Anchor;
-pub use compared::{Compared, Likeness};
+pub use compared::Compared;
 use globals::{Free, Global, Globals, PHASE_POWERS, Shot};
 pub use known_ground::{HeightOver, KnownGround};
 use linearise::{LawTable, Surface};
@@ -170,9 +170,6 @@ pub struct Shaded {
     pub pictures: Vec<Explained>,
     /// How many pictures show each cell lit.
     pub num_seen: Raster<u8>,
-    /// How like each picture the model of the start is, on the coarsest cells that the surface was changed on: shape and size of what
-    /// is known beforehand, and no albedo yet.
-    pub start: Vec<Likeness>,
     /// Each picture and its model on the cells.
     pub compared: Vec<Compared>,
     /// Energy per compared cell, before the first and after each accepted step at the finest level.
@@ -251,7 +248,6 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     }
     let placed: Vec<Placed> = pictures.iter().map(|p| Placed::new(p, &patch)).collect();
     let globals = problem.start_globals(pictures, &placed, &surfaces[used - 1], used - 1);
-    let first = problem.compared(&surfaces[used - 1], &globals, used - 1);
     let solution = problem.run(surfaces, globals).ok_or(Error::NotSeen)?;
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
     let explained = solution
@@ -276,7 +272,6 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
         known: problem.anchors.first().filter(|_| start.ground.is_some()).map(Anchor::known),
         num_seen: linearise::num_seen(&solution.surface, &solution.globals, &problem.shown(0)),
         pictures: explained,
-        start: first.iter().map(Compared::likeness).collect(),
         compared,
         energies: solution.energies,
         placed: solution.globals.shots.iter().map(|shot| shot.placed).collect(),
