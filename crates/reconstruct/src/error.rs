@@ -1,6 +1,6 @@
 //! What can go wrong between two pictures and their products.
 
-use crate::stereo;
+use crate::{refine, stereo};
 use selenograph_pose::relative::CannotSay;
 use std::path::{Path, PathBuf};
 
@@ -116,6 +116,9 @@ pub enum Error {
     /// Dense stereo has nothing to start from.
     #[error("cannot say: {0}")]
     Stereo(#[from] stereo::Error),
+    /// Pictures do not sharpen an elevation model.
+    #[error("cannot say: {0}")]
+    Refine(#[from] refine::Error),
     /// A raster or its file.
     #[error(transparent)]
     Raster(#[from] selenograph_raster::Error),
@@ -142,6 +145,7 @@ impl Error {
             }
             Self::CannotSay(why) => Some(why.hint()),
             Self::Stereo(why) => Some(why.hint()),
+            Self::Refine(why) => Some(why.hint()),
             Self::Raster(e) => e.hint(),
             _ => None,
         }

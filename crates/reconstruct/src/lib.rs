@@ -25,6 +25,7 @@ mod prediction;
 pub mod priors;
 pub mod products;
 pub mod reference;
+pub mod refine;
 pub mod relative_pose;
 pub mod scale;
 pub mod scene;

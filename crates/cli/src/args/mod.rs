@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod frames;
 pub mod network;
 pub mod reconstruct;
+pub mod refine;
 pub mod render;
 #[cfg_attr(
     not(feature = "train"),
@@ -115,6 +116,12 @@ pub enum Command {
         Example:\n  selenograph reconstruct a.png b.png --fov-deg 45 --out terrain_ab"
     )]
     Reconstruct(Box<reconstruct::Reconstruct>),
+    /// An elevation model, sharpened by the shading of one or more pictures of it
+    #[command(
+        after_help = "The model's own grid is kept, and its heights where no picture sees them. Pictures that do not show its ground are refused.\n\n\
+        Example:\n  selenograph refine coarse.tif a.png --camera a.camera.json --sun 130,22 --out sharpened"
+    )]
+    Refine(Box<refine::Refine>),
     /// Squares of an image sequence, cut at regular intervals, as pairs
     #[command(after_help = "Example:\n  selenograph frames descent_pictures --every 30 --gap 15 --out pairs")]
     Frames(frames::Frames),

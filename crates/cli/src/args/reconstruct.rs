@@ -195,7 +195,11 @@ pub enum SunGiven {
     Camera([f64; 3]),
 }
 
-fn sun(text: &str) -> Result<SunGiven, String> {
+/// A Sun as it is typed.
+///
+/// # Errors
+/// What is neither two angles, the second above the horizon, nor a direction.
+pub fn sun(text: &str) -> Result<SunGiven, String> {
     if text.split(',').count() == 3 {
         return direction(text).map(SunGiven::Camera);
     }

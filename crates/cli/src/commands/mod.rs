@@ -24,6 +24,7 @@ mod planning;
 mod presets;
 mod reading;
 mod reconstruct;
+mod refine;
 mod render;
 mod run_record;
 mod terrain_info;
@@ -74,6 +75,7 @@ fn dispatch(command: &Command, ui: &Ui) -> anyhow::Result<Outcome> {
         Command::Data(DataCommand::Export(args)) => data_export::run(args, ui),
         Command::Evaluate(args) => evaluate::run(args, ui),
         Command::Reconstruct(args) => reconstruct::run(args, ui),
+        Command::Refine(args) => refine::run(args, ui),
         Command::Frames(args) => frames::run(args, ui),
         Command::Weights(WeightsCommand::Info(args)) => weights::info(args, ui),
         Command::Weights(WeightsCommand::Convert(args)) => weights::convert(args, ui),

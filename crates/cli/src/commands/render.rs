@@ -176,7 +176,8 @@ fn sun(terrain: &Terrain, place: &Geodetic, light: &Light) -> anyhow::Result<Sun
     Ok(Sun::at_site(&terrain.body, place, azimuth, elevation)?)
 }
 
-fn law(law: Law) -> Brdf {
+/// A law with its usual parameters.
+pub fn law(law: Law) -> Brdf {
     match law {
         Law::Lambert => Brdf::Lambert,
         Law::LommelSeeliger => Brdf::LommelSeeliger,

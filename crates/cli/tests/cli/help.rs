@@ -3,7 +3,7 @@
 use crate::program::Place;
 
 /// Every command, as it is typed.
-const COMMANDS: [&str; 26] = [
+const COMMANDS: [&str; 27] = [
     "demo",
     "dem info",
     "dem import",
@@ -19,6 +19,7 @@ const COMMANDS: [&str; 26] = [
     "data export",
     "evaluate",
     "reconstruct",
+    "refine",
     "frames",
     "weights info",
     "weights convert",

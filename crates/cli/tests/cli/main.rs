@@ -18,6 +18,7 @@ mod mast3r;
 mod photometry;
 mod program;
 mod reconstruct;
+mod refine;
 mod shipped;
 mod suns;
 mod tiff;

@@ -17,7 +17,15 @@ pub const LEAST: f64 = 1.0 / REACH as f64;
 pub fn weights(view: &LiftedView) -> Vec<f32> {
     let (width, height) = (view.points.width, view.points.height);
     let measured = |i: usize| view.fill.data[i] == Fill::Measured && !view.points.data[i][0].is_nan();
-    let mut steps: Vec<u16> = (0..width * height).map(|i| if measured(i) { REACH } else { 0 }).collect();
+    let steps = steps_inside(width, height, measured, REACH);
+    // What was not measured has no border of its own: it counts as little as a border, wherever it counts.
+    steps.into_iter().map(|steps| f32::from(steps.max(1)) / f32::from(REACH)).collect()
+}
+
+/// For each of `width × height` samples, rows first, the distance (of a king's moves) from the next one that is not inside, or from
+/// beyond the edge: 0 where it is not inside itself, `reach` at most.
+pub fn steps_inside(width: usize, height: usize, inside: impl Fn(usize) -> bool, reach: u16) -> Vec<u16> {
+    let mut steps: Vec<u16> = (0..width * height).map(|i| if inside(i) { reach } else { 0 }).collect();
     // Once downwards with the neighbours above and left, once upwards with the others.
     let relax = |steps: &mut Vec<u16>, x: usize, y: usize, near: [(isize, isize); 4]| {
         let at = |dx: isize, dy: isize| {
@@ -39,6 +47,5 @@ pub fn weights(view: &LiftedView) -> Vec<f32> {
             relax(&mut steps, x, y, [(1, 0), (1, 1), (0, 1), (-1, 1)]);
         }
     }
-    // What was not measured has no border of its own: it counts as little as a border, wherever it counts.
-    steps.into_iter().map(|steps| f32::from(steps.max(1)) / f32::from(REACH)).collect()
+    steps
 }

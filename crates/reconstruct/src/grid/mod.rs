@@ -1,6 +1,6 @@
 //! Points into an elevation model: both pointmaps as surfaces, sampled at the cells of a regular grid.
 
-mod fade;
+pub(crate) mod fade;
 pub mod frame;
 pub mod lift;
 pub mod mesh;

@@ -3,7 +3,7 @@
 use super::given::Start;
 use crate::evidence::{PoseSource, Warning};
 use crate::grid::plane;
-use crate::priors::{KnownSun, Priors};
+use crate::priors::Priors;
 use crate::shading::{self, Picture, PoseSigma, Shaded, ShadingOptions};
 use crate::{PredictedView, View, triangulate};
 use selenograph_geometry::{Rigid3, Vector3};
@@ -62,7 +62,7 @@ pub(super) fn shaded(
             sun_sigma_rad: sun_b.sigma_rad,
         },
     ];
-    let start = shading::Start { plane, views: dense };
+    let start = shading::Start { plane, views: dense, ground: None, least_cell: 0.0 };
     let shaded = shading::shade(&pictures, &start, options).map_err(|error| no_shading(error.to_string()))?;
     for (picture, explained) in PICTURES.into_iter().zip(&shaded.pictures) {
         let correlation = explained.correlation;

@@ -1,4 +1,5 @@
-//! Stereo's answer on the cells: where the surface starts, and what holds it where shading does not tell.
+//! What is known of the heights on the cells, stereo's answer or an elevation model: where the surface starts, and what holds it
+//! where shading does not tell.
 
 use super::equations::CellEquations;
 use super::linearise::Surface;
@@ -16,6 +17,44 @@ pub(super) struct Anchor {
     pub(super) heights: Raster<f32>,
     /// `1/σ²`, 0 where there is nothing.
     pub(super) precision: Raster<f32>,
+    /// What is known of means over several cells.
+    pub(super) means: Option<Means>,
+    /// Share of its precision that each cell counts with: neighbours err together.
+    pub(super) share: f32,
+}
+
+/// Means over squares of cells around each cell, of the differences from what is known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Means {
+    /// Side of the squares, in cells.
+    pub(super) side: f64,
+    /// `1/σ²`.
+    pub(super) precision: f32,
+}
+
+impl Means {
+    /// The mean about each cell; cells outside count as 0, so that the operator is its own adjoint and lengthens nothing.
+    fn of(&self, values: &Raster<f32>) -> Raster<f32> {
+        let reach = (0.5 * self.side).round() as usize;
+        let turned = along_rows(values, reach);
+        along_rows(&turned, reach)
+    }
+}
+
+/// Means over `2 reach + 1` samples of each row, columns and rows exchanged.
+fn along_rows(values: &Raster<f32>, reach: usize) -> Raster<f32> {
+    let (width, height) = (values.width, values.height);
+    let mut out = Raster::filled(height, width, 0.0);
+    let share = 1.0 / (2 * reach + 1) as f64;
+    for (y, row) in values.rows().enumerate() {
+        let mut sum: f64 = row.iter().take(reach).map(|v| f64::from(*v)).sum();
+        for x in 0..width {
+            sum += row.get(x + reach).map_or(0.0, |v| f64::from(*v));
+            out[(y, x)] = (share * sum) as f32;
+            sum -= x.checked_sub(reach).map_or(0.0, |first| f64::from(row[first]));
+        }
+    }
+    out
 }
 
 /// Least standard deviation that is believed, in cells.
@@ -30,7 +69,12 @@ const CARRY_TOLERANCE: f64 = 1e-3;
 
 impl Anchor {
     /// Both views' points on the cells; completed points fill cells that nothing measured covers, with their own sigma.
-    pub(super) fn of_views(views: &[PredictedView; 2], eyes: [Point3<f64>; 2], patch: &Patch) -> Self {
+    pub(super) fn of_views(
+        views: &[PredictedView; 2],
+        eyes: [Point3<f64>; 2],
+        patch: &Patch,
+        share: f32,
+    ) -> Self {
         let lifted = |view: &'_ PredictedView| -> Raster<[f32; 3]> {
             view.points.map(|p| {
                 let p = patch.position(&Vector3::from(p.map(f64::from)));
@@ -62,6 +106,8 @@ impl Anchor {
         Self {
             heights: raster(&|c| if c.count > 0 { (c.weighted / c.weight) as f32 } else { 0.0 }),
             precision: raster(&|c| if c.count > 0 { precision(c) } else { 0.0 }),
+            means: None,
+            share,
         }
     }
 
@@ -77,7 +123,9 @@ impl Anchor {
         });
         // Errors of neighbours go together: their mean is no surer than they are, but a cell is twice as long.
         let precision = Raster::from_fn(width, height, total);
-        Self { heights, precision }
+        let means =
+            self.means.map(|means| Means { side: 0.5 * means.side, precision: 4.0 * means.precision });
+        Self { heights, precision, means, share: self.share }
     }
 
     /// The heights, smoothly carried on to where there are none.
@@ -98,17 +146,45 @@ impl Anchor {
         out.data
     }
 
+    /// The heights, NaN where there are none.
+    pub(super) fn known(&self) -> Raster<f32> {
+        let mut known = self.heights.clone();
+        for (height, precision) in known.data.iter_mut().zip(&self.precision.data) {
+            if *precision == 0.0 {
+                *height = f32::NAN;
+            }
+        }
+        known
+    }
+
     fn pull(&self, surface: &Surface, at: usize, weight: f32) -> (f32, f32) {
         let difference = self.heights.data[at] - surface.heights[at];
         let precision = self.precision.data[at];
         let far = difference * difference * precision / (OUTLIER * OUTLIER);
-        (weight * precision / (1.0 + far), difference)
+        (weight * self.share * precision / (1.0 + far), difference)
+    }
+
+    /// Means of the differences, where there is anything to differ from.
+    fn mean_differences(&self, surface: &Surface, means: &Means) -> Raster<f32> {
+        let (width, height) = (self.heights.width, self.heights.height);
+        let known = self.precision.data.iter().zip(&self.heights.data).zip(&surface.heights);
+        let data = known.map(|((p, h), s)| if *p > 0.0 { h - s } else { 0.0 }).collect();
+        means.of(&Raster { width, height, data })
     }
 
     pub(super) fn hold(&self, surface: &Surface, weight: f32, cells: &mut [CellEquations]) {
         for (at, cell) in cells.iter_mut().enumerate() {
             let (weight, difference) = self.pull(surface, at, weight);
             cell.add(weight, [0.0, 0.0, 1.0, 0.0], difference);
+        }
+        let Some(means) = &self.means else { return };
+        // The gradient is exact, the matrix that of single cells, which is no less than that of means: steps of short waves are a
+        // little short, and never too long.
+        let pulled = means.of(&self.mean_differences(surface, means));
+        for ((cell, pulled), precision) in cells.iter_mut().zip(&pulled.data).zip(&self.precision.data) {
+            if *precision > 0.0 {
+                cell.add(weight * means.precision, [0.0, 0.0, 1.0, 0.0], *pulled);
+            }
         }
     }
 
@@ -117,7 +193,13 @@ impl Anchor {
             let (weight, difference) = self.pull(surface, at, weight);
             f64::from(weight * difference * difference)
         };
-        (0..self.heights.data.len()).map(of).sum()
+        let of_cells: f64 = (0..self.heights.data.len()).map(of).sum();
+        let of_means = self.means.as_ref().map_or(0.0, |means| {
+            let weight = f64::from(weight * means.precision);
+            let differences = self.mean_differences(surface, means);
+            weight * differences.data.iter().map(|d| f64::from(d * d)).sum::<f64>()
+        });
+        of_cells + of_means
     }
 }
 
@@ -126,4 +208,29 @@ fn precision(cell: &Gathered) -> f32 {
     let disagreement = (cell.squared / cell.weight - mean * mean).max(0.0);
     let variance = f64::from(cell.count) / cell.weight + disagreement;
     1.0 / (variance as f32).max(LEAST_SIGMA * LEAST_SIGMA)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_their_own_adjoint_and_lengthen_nothing() {
+        let field = |seed: usize| {
+            Raster::from_fn(11, 7, |x, y| ((x * 31 + y * 17 + seed * 29) % 23) as f32 / 11.0 - 1.0)
+        };
+        let means = Means { side: 4.0, precision: 1.0 };
+        let (a, b) = (field(1), field(2));
+        let product = |a: &Raster<f32>, b: &Raster<f32>| {
+            a.data.iter().zip(&b.data).map(|(a, b)| f64::from(a * b)).sum::<f64>()
+        };
+        let (ma, mb) = (means.of(&a), means.of(&b));
+        assert!((product(&ma, &b) - product(&a, &mb)).abs() < 1e-4);
+        assert!(product(&ma, &ma) < product(&a, &a));
+        // Far from the edge a plane stays as it is.
+        let plane = Raster::from_fn(11, 11, |x, y| x as f32 - 2.0 * y as f32);
+        assert!((means.of(&plane)[(5, 5)] - plane[(5, 5)]).abs() < 1e-5);
+        let single = Means { side: 0.4, precision: 1.0 };
+        assert_eq!(single.of(&a).data, a.data);
+    }
 }

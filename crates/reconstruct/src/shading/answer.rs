@@ -22,6 +22,13 @@ pub(super) type Met = [f32; 3];
 /// Steps with which a crossing is polished.
 const POLISH: usize = 4;
 
+/// Where a column and a row lie among the cells' middles; `None` outside.
+pub(super) fn inside(cells: &Raster<f32>, x: f32, y: f32) -> Option<(f32, f32)> {
+    let (x, y) = (x - 0.5, y - 0.5);
+    let inside = x >= 0.0 && y >= 0.0 && x <= (cells.width - 1) as f32 && y <= (cells.height - 1) as f32;
+    inside.then_some((x, y))
+}
+
 impl<'a> Ground<'a> {
     pub(super) fn new(patch: &'a Patch, heights: &'a Raster<f32>) -> Self {
         let (mut lowest, mut highest) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -37,12 +44,8 @@ impl<'a> Ground<'a> {
 
     /// Height and slopes of the smooth surface.
     fn smooth(&self, x: f32, y: f32) -> Option<(f32, f32, f32)> {
-        let (x, y) = (x - 0.5, y - 0.5);
-        let inside = x >= 0.0
-            && y >= 0.0
-            && x <= (self.heights.width - 1) as f32
-            && y <= (self.heights.height - 1) as f32;
-        inside.then(|| filter::spline_at(&self.spline, x, y))
+        let (x, y) = inside(&self.spline, x, y)?;
+        Some(filter::spline_at(&self.spline, x, y))
     }
 
     /// The first ground along a ray from above, all in cells. The ray comes down in steps of a cell across.

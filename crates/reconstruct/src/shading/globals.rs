@@ -100,6 +100,19 @@ impl Shot {
         self.placed.eye = std::array::from_fn(|i| eye[i] as f32);
     }
 
+    /// Brings the camera back to a distance from the first: across the baseline is a tangent, along it nothing is known.
+    fn keep_baseline(&mut self, first_eye: [f32; 3], length: f32) {
+        let d: [f32; 3] = std::array::from_fn(|i| self.placed.eye[i] - first_eye[i]);
+        let factor = length / d.iter().map(|c| c * c).sum::<f32>().sqrt();
+        if !factor.is_finite() {
+            return;
+        }
+        self.placed.eye = std::array::from_fn(|i| first_eye[i] + factor * d[i]);
+        let (r, eye) = (self.placed.rotation, self.placed.eye);
+        self.placed.translation =
+            std::array::from_fn(|i| -(r[i][0] * eye[0] + r[i][1] * eye[1] + r[i][2] * eye[2]));
+    }
+
     fn tilt_sun(&mut self, angles: [f64; 2]) {
         let [one, two] = across(self.placed.sun);
         let mut sun = Vector3::from(self.placed.sun.map(f64::from));
@@ -144,7 +157,11 @@ impl Globals {
                 shot.tilt_sun(sun);
             }
             if moved {
+                let baseline = Vector3::from(moves[2].map(f64::from)).norm() as f32;
                 shot.turn_and_move(turn, shift);
+                if k == 1 {
+                    shot.keep_baseline(first_eye, baseline);
+                }
             }
         }
         for (free, &step) in self.free.iter().zip(step) {

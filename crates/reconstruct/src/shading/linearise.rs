@@ -121,7 +121,7 @@ pub(super) struct Seen {
     sample: Sample,
     ground: Ground,
     /// The model's grey level in the picture's lit mean, without the offset.
-    model: f32,
+    pub(super) model: f32,
     /// Picture less model, in the picture's lit mean.
     pub(super) residual: f32,
     by_mu0: f32,

@@ -18,19 +18,24 @@
 
 mod anchor;
 mod answer;
+mod compared;
 mod equations;
 mod globals;
+mod known_ground;
 mod linearise;
 mod patch;
 mod picture;
 mod run;
+mod sharpened;
 mod weights;
 
 use crate::View;
 use crate::grid::plane::Plane;
 use crate::prediction::{Fill, PredictedView};
 use anchor::Anchor;
+pub use compared::Compared;
 use globals::{Free, Global, Globals, PHASE_POWERS, Shot};
+pub use known_ground::{HeightOver, KnownGround};
 use linearise::{LawTable, Surface};
 pub use patch::Patch;
 use picture::{PicturePyramid, Placed};
@@ -39,6 +44,7 @@ use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vecto
 use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
 use serde::{Deserialize, Serialize};
+pub use sharpened::Sharpened;
 use weights::Weights;
 
 /// A picture with all that is known of it.
@@ -144,6 +150,10 @@ pub struct Start<'a> {
     pub plane: Plane,
     /// Stereo's answer in the views of the first two pictures, where there is one.
     pub views: Option<&'a [PredictedView; 2]>,
+    /// An elevation model that is to be sharpened; takes the place of `views`.
+    pub ground: Option<KnownGround<'a>>,
+    /// Smallest side of a cell, in the scene's unit; 0 for the sharpest picture's pixel.
+    pub least_cell: f64,
 }
 
 /// One picture's part in the answer.
@@ -172,10 +182,15 @@ pub struct Shaded {
     pub heights: Raster<f32>,
     /// Logarithm of the albedo against the law's.
     pub log_albedo: Raster<f32>,
+    /// Heights of the ground that was known beforehand, in cells, NaN where it is not known; `None` where the surface began with
+    /// something else.
+    pub known: Option<Raster<f32>>,
     /// The pictures.
     pub pictures: Vec<Explained>,
     /// How many pictures show each cell lit.
     pub num_seen: Raster<u8>,
+    /// Each picture and its model on the cells.
+    pub compared: Vec<Compared>,
     /// Energy per compared cell, before the first and after each accepted step at the finest level.
     pub energies: Vec<f64>,
     placed: Vec<Placed>,
@@ -196,24 +211,35 @@ pub enum Error {
 /// [`Error::NotSeen`] where the start has nothing to do with the pictures.
 pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptions) -> Result<Shaded, Error> {
     let mut num_levels = 1;
-    let side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
+    let mut side = pictures.iter().map(|p| p.view.image.width.min(p.view.image.height)).min().unwrap_or(0);
+    let cover = |multiple: usize| {
+        Patch::cover(&start.plane, pictures, start.least_cell, options.max_cells, multiple)
+            .ok_or(Error::NotSeen)
+    };
+    if start.least_cell > 0.0 {
+        let (patch, _) = cover(1)?;
+        side = side.min(patch.width).min(patch.height);
+    }
     while side >> num_levels >= options.coarsest_cells {
         num_levels += 1;
     }
     let multiple = 1 << (num_levels - 1);
-    let (patch, pixels_per_cell) =
-        Patch::cover(&start.plane, pictures, options.max_cells, multiple).ok_or(Error::NotSeen)?;
+    let (patch, pixels_per_cell) = cover(multiple)?;
     let pyramids = pictures.iter().map(|p| PicturePyramid::new(p, num_levels + 2)).collect();
     let mut anchors: Vec<Anchor> = Vec::new();
-    if let Some(views) = start.views {
+    let mut used = num_levels;
+    if let Some(ground) = &start.ground {
+        anchors.push(Anchor::of_ground(ground, &patch));
+        used = (1 + ground.levels(patch.cell)).min(num_levels);
+    } else if let Some(views) = start.views {
         let eye = |k: usize| pictures[k].cam_from_scene.inverse().origin();
-        anchors.push(Anchor::of_views(views, [eye(0), eye(1)], &patch));
-        for _ in 1..num_levels {
-            let coarser = anchors[anchors.len() - 1].halved();
-            anchors.push(coarser);
-        }
+        anchors.push(Anchor::of_views(views, [eye(0), eye(1)], &patch, options.stereo_share));
+        used = options.levels_from_stereo.min(num_levels);
     }
-    let used = if anchors.is_empty() { num_levels } else { options.levels_from_stereo.min(num_levels) };
+    for _ in 1..if anchors.is_empty() { 0 } else { num_levels } {
+        let coarser = anchors[anchors.len() - 1].halved();
+        anchors.push(coarser);
+    }
     let surfaces: Vec<Surface> = (0..used)
         .map(|level_idx| {
             let (width, height) = (patch.width >> level_idx, patch.height >> level_idx);
@@ -244,8 +270,14 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
         .iter()
         .zip(&problem.pyramids)
         .zip(&solution.fits)
-        .map(|((shot, pyramid), fit)| Explained {
-            cam_from_scene: shot.pose(&patch),
+        .zip(pictures)
+        .enumerate()
+        .map(|(k, (((shot, pyramid), fit), picture))| Explained {
+            cam_from_scene: match (picture.pose_sigma, k) {
+                (None, _) | (_, 0) => picture.cam_from_scene,
+                (Some(_), 1) => with_baseline_of(shot.pose(&patch), picture, &pictures[0]),
+                (Some(_), _) => shot.pose(&patch),
+            },
             sun: patch.vector(shot.placed.sun),
             gain: f64::from(shot.gain * pyramid.mean),
             offset: f64::from(shot.offset * pyramid.mean),
@@ -253,11 +285,14 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
             lit_share: f64::from(pyramid.lit_share),
         })
         .collect();
+    let compared = problem.compared(&solution.state.surface, &solution.state.globals, 0);
     Ok(Shaded {
         heights: raster(&solution.state.surface.heights),
         log_albedo: raster(&solution.state.surface.albedo),
+        known: problem.anchors.first().filter(|_| start.ground.is_some()).map(Anchor::known),
         num_seen: linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0)),
         pictures: explained,
+        compared,
         energies: solution.energies,
         placed: solution.state.globals.shots.iter().map(|shot| shot.placed).collect(),
         patch,
@@ -313,6 +348,24 @@ impl Problem<'_> {
 const OFFSET_SIGMA: f64 = 0.2;
 /// Standard deviation of the phase polynomial's coefficients.
 const PHASE_SIGMA: f64 = 0.5;
+
+/// A pose that was found, at the distance from the first camera that the picture's given one has: nothing here tells lengths, and
+/// the cells' f32 must not change the unit.
+fn with_baseline_of(
+    found: Rigid3<Cam, PredA>,
+    picture: &Picture<'_>,
+    first: &Picture<'_>,
+) -> Rigid3<Cam, PredA> {
+    let first = first.cam_from_scene.inverse().origin();
+    let length = (picture.cam_from_scene.inverse().origin() - first).norm();
+    let baseline = found.inverse().origin() - first;
+    let factor = length / baseline.norm();
+    if !factor.is_finite() {
+        return found;
+    }
+    let rotation = Rotation3::from_matrix(&found.rotation());
+    Rigid3::new(rotation, Point3::from(-(rotation * (first + baseline * factor).coords)))
+}
 
 impl Shot {
     /// The camera's pose in the scene.

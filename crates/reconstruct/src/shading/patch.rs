@@ -75,12 +75,13 @@ const SAMPLES: usize = 17;
 const MARGIN: f64 = 0.02;
 
 impl Patch {
-    /// The grid over everything that any picture sees of the plane, with cells of the sharpest picture's pixels, and columns and
-    /// rows in multiples of `multiple`. Also how many pixels of each picture's own lie along a cell. `None` where no picture sees
+    /// The grid over everything that any picture sees of the plane, with cells of the sharpest picture's pixels but no smaller than
+    /// `least_cell`, and columns and rows in multiples of `multiple`. Also how many pixels of each picture's own lie along a cell. `None` where no picture sees
     /// the plane, or two of its sides are not finite.
     pub(super) fn cover(
         plane: &Plane,
         pictures: &[Picture<'_>],
+        least_cell: f64,
         max_cells: usize,
         multiple: usize,
     ) -> Option<(Self, Vec<f64>)> {
@@ -103,7 +104,7 @@ impl Patch {
         }
         let margin = MARGIN * (bounds[2] - bounds[0]).max(bounds[3] - bounds[1]);
         let (wide, high) = (bounds[2] - bounds[0] + 2.0 * margin, bounds[3] - bounds[1] + 2.0 * margin);
-        let least = (wide * high / max_cells as f64).sqrt();
+        let least = (wide * high / max_cells as f64).sqrt().max(least_cell);
         let cell = footprints.iter().copied().fold(f64::INFINITY, f64::min).max(least);
         let count = |extent: f64| ((extent / cell).ceil() as usize).div_ceil(multiple) * multiple;
         let (width, height) = (count(wide), count(high));

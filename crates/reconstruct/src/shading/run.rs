@@ -62,18 +62,15 @@ impl Problem<'_> {
         let [stepped, squared] = surface.spotted();
         let spotted = weights.tension() * stepped + weights.hold() * squared;
         let anchor = self.anchors.get(level_idx);
-        let anchored = anchor.map_or(0.0, |anchor| anchor.energy(surface, self.anchor_weight(weights)));
+        let anchored = anchor.map_or(0.0, |anchor| anchor.energy(surface, weights.noise2 as f32));
         let known: f64 = globals.free.iter().map(|f| weights.noise2 * (f.deviation / f.sigma).powi(2)).sum();
         data + bent + spotted + anchored + known
     }
 
-    fn anchor_weight(&self, weights: &Weights) -> f32 {
-        weights.noise2 as f32 * self.options.stereo_share
-    }
-
     /// What the residuals say of the weights.
     fn reweighted(&self, linear: &Linearised, weights: &Weights) -> Weights {
-        if !self.options.estimate_weights {
+        // One picture can be explained by albedo alone: it leaves nothing to tell the noise.
+        if !self.options.estimate_weights || linear.fits.len() < 2 {
             return *weights;
         }
         weights.estimated(&Parts {
@@ -147,7 +144,7 @@ impl Problem<'_> {
     ) -> State {
         let mut cells = linear.cells.clone();
         if let Some(anchor) = self.anchors.get(level_idx) {
-            anchor.hold(surface, self.anchor_weight(weights), &mut cells);
+            anchor.hold(surface, weights.noise2 as f32, &mut cells);
         }
         let tells: Vec<f64> =
             cells.iter().map(|c| f64::from(c.matrix[0] + c.matrix[4])).filter(|t| *t > 0.0).collect();

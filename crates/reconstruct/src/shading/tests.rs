@@ -97,7 +97,7 @@ impl Scene {
             residual_rms: 0.0,
             spread: 1.0,
         };
-        Start { plane, views: None }
+        Start { plane, views: None, ground: None, least_cell: 0.0 }
     }
 
     /// Root mean square error of the heights where both pictures see the ground, in cells of the relief, a plane taken off: that both
@@ -213,7 +213,7 @@ fn a_wrong_pose_that_is_free_lets_the_pictures_agree() {
 fn tiny() -> (Surface, Globals, Vec<PicturePyramid>, LawTable) {
     let scene = scene([sun(20.0, 35.0), sun(130.0, 30.0)]);
     let pictures = scene.pictures();
-    let (patch, _) = Patch::cover(&scene.start().plane, &pictures, 1 << 20, 8).unwrap();
+    let (patch, _) = Patch::cover(&scene.start().plane, &pictures, 0.0, 1 << 20, 8).unwrap();
     let scale = 4.0;
     let (width, height) = (patch.width / 4, patch.height / 4);
     let heights = (0..width * height)

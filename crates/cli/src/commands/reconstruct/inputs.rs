@@ -109,7 +109,7 @@ pub fn read(args: &Reconstruct) -> anyhow::Result<Pictures> {
 }
 
 /// What EXIF tells of a picture, and that it is not stored mirrored.
-fn upright(file: &PictureFile, notes: &mut Vec<String>) -> anyhow::Result<Exif> {
+pub fn upright(file: &PictureFile, notes: &mut Vec<String>) -> anyhow::Result<Exif> {
     let tags = exif::read(&file.data_path)?.unwrap_or_default();
     let name = file.path.display();
     if tags.is_mirrored() {
@@ -125,7 +125,11 @@ fn upright(file: &PictureFile, notes: &mut Vec<String>) -> anyhow::Result<Exif> 
     Ok(tags)
 }
 
-fn picture(path: &Path) -> anyhow::Result<PictureFile> {
+/// A picture with more than one grey level.
+///
+/// # Errors
+/// A file that is no picture, or of one grey level.
+pub fn picture(path: &Path) -> anyhow::Result<PictureFile> {
     let file = read_picture(path)?;
     let levels = file.grey.data.iter().copied().filter(|level| level.is_finite());
     let (low, high) = levels.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));

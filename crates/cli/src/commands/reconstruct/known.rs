@@ -6,7 +6,7 @@ use crate::args::reconstruct::Known;
 use crate::exit::refuse;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
-use selenograph_reconstruct::camera_file::{self, PictureSize, WorldPose};
+use selenograph_reconstruct::camera_file::{self, CameraFile, PictureSize, WorldPose};
 use selenograph_reconstruct::pipeline::Method;
 use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, between};
 use selenograph_reconstruct::scale::dem::DemPatch;
@@ -105,7 +105,14 @@ fn length(name: &str, metres: Option<f64>, sigma_m: Option<f64>) -> anyhow::Resu
 }
 
 fn world_pose(path: &Path, picture: &PictureSize) -> anyhow::Result<WorldPose> {
-    let file = camera_file::read(path, picture)?;
+    place(path, camera_file::read(path, picture)?)
+}
+
+/// The place that a camera file tells.
+///
+/// # Errors
+/// One that tells none.
+pub fn place(path: &Path, file: CameraFile) -> anyhow::Result<WorldPose> {
     file.pose.ok_or_else(|| {
         refuse(
             format!("`{}` holds a camera without a place", path.display()),
@@ -115,7 +122,7 @@ fn world_pose(path: &Path, picture: &PictureSize) -> anyhow::Result<WorldPose> {
 }
 
 /// The body that a world's name says, if it says one.
-fn body(name: &str) -> Option<Body> {
+pub fn body(name: &str) -> Option<Body> {
     [Body::moon(), Body::mars()].into_iter().find(|body| body.frame == name)
 }
 

@@ -1,7 +1,7 @@
 //! `reconstruct`: two pictures into terrain.
 
-mod inputs;
-mod known;
+pub(super) mod inputs;
+pub(super) mod known;
 mod network_choice;
 mod pose_file;
 mod reference;

@@ -2,9 +2,10 @@
 
 use crate::Error;
 use selenograph_geometry::proj_string::Crs;
-use selenograph_geometry::{Body, Point3};
+use selenograph_geometry::{Body, Geodetic, Point3};
 use selenograph_raster::dem::{DemReader, OpenOptions};
 use selenograph_raster::{Affine, Raster, resample};
+use std::ops::Range;
 use std::path::Path;
 
 /// Heights on a map, in memory.
@@ -12,6 +13,7 @@ use std::path::Path;
 pub struct DemPatch {
     heights: Raster<f32>,
     crs: Crs,
+    map_from_pixel: Affine,
     pixel_from_map: Affine,
     cell_m: f64,
 }
@@ -30,7 +32,28 @@ impl DemPatch {
         let [across, down] = map_from_pixel.steps();
         let [per_x, per_y] = ground.unwrap_or([1.0, 1.0]);
         let cell_m = (across * per_x * down * per_y).sqrt();
-        Ok(Self { heights, crs, pixel_from_map: map_from_pixel.inverse()?, cell_m })
+        let pixel_from_map = map_from_pixel.inverse()?;
+        Ok(Self { heights, crs, map_from_pixel: *map_from_pixel, pixel_from_map, cell_m })
+    }
+
+    /// Reads a window of an open elevation model, never the whole.
+    ///
+    /// # Errors
+    /// Those of the reader.
+    pub fn of_window(
+        reader: &mut DemReader,
+        columns: Range<usize>,
+        rows: Range<usize>,
+    ) -> Result<Self, Error> {
+        let info = reader.info().clone();
+        let (mut data, mut band) = (Vec::with_capacity(columns.len() * rows.len()), Vec::new());
+        for first in rows.clone().step_by(BAND_ROWS) {
+            reader.read_rows(first, BAND_ROWS.min(rows.end - first), &mut band)?;
+            data.extend(band.chunks_exact(info.width).flat_map(|row| &row[columns.clone()]));
+        }
+        let heights = Raster::new(columns.len(), rows.len(), data)?;
+        let map_from_pixel = info.map_from_pixel.with_origin(columns.start as f64, rows.start as f64);
+        Self::new(heights, info.crs, &map_from_pixel)
     }
 
     /// Reads the window within `reach_m` of a body-fixed point.
@@ -64,14 +87,7 @@ impl DemPatch {
         if columns.len() < 2 || rows.len() < 2 {
             return Err(outside());
         }
-        let (mut data, mut band) = (Vec::with_capacity(columns.len() * rows.len()), Vec::new());
-        for first in rows.clone().step_by(BAND_ROWS) {
-            reader.read_rows(first, BAND_ROWS.min(rows.end - first), &mut band)?;
-            data.extend(band.chunks_exact(info.width).flat_map(|row| &row[columns.clone()]));
-        }
-        let heights = Raster::new(columns.len(), rows.len(), data)?;
-        let map_from_pixel = info.map_from_pixel.with_origin(columns.start as f64, rows.start as f64);
-        Self::new(heights, info.crs, &map_from_pixel)
+        Self::of_window(&mut reader, columns, rows)
     }
 
     /// The body.
@@ -79,16 +95,59 @@ impl DemPatch {
         &self.crs.body
     }
 
+    /// Heights above the body's sphere, metres; NaN where absent.
+    pub fn heights(&self) -> &Raster<f32> {
+        &self.heights
+    }
+
+    /// Body and projection.
+    pub fn crs(&self) -> &Crs {
+        &self.crs
+    }
+
+    /// Corner-based pixels → map units.
+    pub fn map_from_pixel(&self) -> &Affine {
+        &self.map_from_pixel
+    }
+
     /// Side of a cell on the ground, metres.
     pub fn cell_m(&self) -> f64 {
         self.cell_m
+    }
+
+    /// Columns and rows of a window of it, on the same grid.
+    ///
+    /// # Errors
+    /// [`Error::Raster`] for one that leaves it.
+    pub fn cropped(&self, columns: Range<usize>, rows: Range<usize>) -> Result<Self, Error> {
+        let whole = &self.heights;
+        let data = rows.clone().filter(|y| *y < whole.height).flat_map(|y| {
+            let row = whole.row(y);
+            row.get(columns.clone()).unwrap_or_default()
+        });
+        let heights = Raster::new(columns.len(), rows.len(), data.copied().collect())?;
+        let map_from_pixel = self.map_from_pixel.with_origin(columns.start as f64, rows.start as f64);
+        Self::new(heights, self.crs.clone(), &map_from_pixel)
+    }
+
+    /// The body-fixed point of a place on the map at a height above the sphere, metres; `None` outside the projection.
+    #[inline]
+    pub fn point(&self, x: f64, y: f64, height_m: f64) -> Option<Point3<f64>> {
+        let place = self.crs.projection.place_from_map(x, y)?;
+        Some(self.crs.body.point(&Geodetic { height_m, ..place }))
+    }
+
+    /// Height at a place on the map, metres above the sphere; `None` outside it and over absent cells.
+    #[inline]
+    pub fn height(&self, x: f64, y: f64) -> Option<f64> {
+        let [column, row] = self.pixel_from_map.apply(x, y);
+        resample::bilinear(&self.heights, column, row)
     }
 
     /// How far a body-fixed point lies above the model, metres; `None` outside it and over absent cells.
     #[inline]
     pub fn height_over(&self, point: &Point3<f64>) -> Option<f64> {
         let [x, y] = self.crs.projection.map_from_point(point)?;
-        let [column, row] = self.pixel_from_map.apply(x, y);
-        Some(self.crs.body.height_m(point) - resample::bilinear(&self.heights, column, row)?)
+        Some(self.crs.body.height_m(point) - self.height(x, y)?)
     }
 }
