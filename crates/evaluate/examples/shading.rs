@@ -7,6 +7,12 @@
 //! (its baseline by `--direction-deg`), and 30 true matches with 1 px of noise in place of features. The albedo is a smooth field on
 //! the ground, the same in all pictures, of `--albedo` as its peak. A line per item, then medians and worst.
 
+#![expect(
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "a program that prints what it measures, seconds too"
+)]
+
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, LoadedPair, Source};
 use selenograph_evaluate::pair_metrics::{PreparedTruth, Promise, Settings};
 use selenograph_geometry::{Point2, Rigid3, Rotation3, Vector3};
