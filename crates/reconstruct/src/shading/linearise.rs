@@ -418,6 +418,9 @@ pub(super) fn first_gain(
     gain.unwrap_or(1.0)
 }
 
+/// Grey levels beyond this many lit means are not told apart in the correlation of picture and model.
+const BRIGHTEST: f32 = 4.0;
+
 /// Cells of a chunk of fields.
 fn cells_of(length: usize, num_fields: usize) -> usize {
     length / num_fields.max(1)
@@ -425,7 +428,9 @@ fn cells_of(length: usize, num_fields: usize) -> usize {
 
 impl Fit {
     fn tell(&mut self, seen: &Seen, shown: &Shown<'_>, weight: f32, energy: f64) {
-        let (x, y) = (f64::from(seen.sample.grey / shown.mean), f64::from(seen.model));
+        // Where nothing holds the surface, a handful of cells may be as bright as the Sun: they count as wrong, not for all others.
+        let [x, y] =
+            [seen.sample.grey / shown.mean, seen.model].map(|v| f64::from(v.clamp(-BRIGHTEST, BRIGHTEST)));
         self.count += 1.0;
         self.weight += f64::from(weight);
         self.energy += energy;
