@@ -407,25 +407,30 @@ fn from_pictures(
         }
         (Wanted::Points, Method::Fused) => {
             let [a, b] = [&a, &b];
-            let dense = if priors::same_sun(&priors.suns, pose) {
-                progress(Stage::Dense);
-                match dense(a, b, &start, &options.stereo) {
-                    Ok(views) => Some(views),
-                    Err(_) if options.incomplete == Incomplete::Keep => None,
-                    Err(why) => return Err(why.into()),
-                }
-            } else {
-                None
+            let same_sun = priors::same_sun(&priors.suns, pose);
+            let by_stereo = |stereo: &StereoOptions| match same_sun {
+                false => Ok(None),
+                true => match dense(a, b, &start, stereo) {
+                    Ok(views) => Ok(Some(views)),
+                    Err(_) if options.incomplete == Incomplete::Keep => Ok(None),
+                    Err(why) => Err(why),
+                },
             };
+            // The surface goes on beyond what stereo measures, and must start near the ground there.
+            let everywhere = StereoOptions { completion: Completion::Everywhere, ..options.stereo.clone() };
+            if same_sun {
+                progress(Stage::Dense);
+            }
+            let begun = by_stereo(&everywhere)?;
             progress(Stage::Shading);
-            match shading::shaded([a, b], &start, dense.as_ref(), priors, &options.shading) {
+            match shading::shaded([a, b], &start, begun.as_ref(), priors, &options.shading) {
                 Ok(shaded) => {
                     refined = Some(shaded.pictures[1].cam_from_scene.relabel());
                     Some([shaded.view(0, a), shaded.view(1, b)])
                 }
                 Err(why) => {
                     warnings.push(why);
-                    dense
+                    by_stereo(&options.stereo)?
                 }
             }
         }

@@ -21,7 +21,27 @@ impl Compared {
         let data = self.picture.data.iter().zip(&self.model.data).map(|(p, m)| p - m).collect();
         Raster { width: self.picture.width, height: self.picture.height, data }
     }
+
+    /// Correlation of the two over the cells that enough pictures show; NaN where there are none.
+    pub(super) fn correlation(&self, num_seen: &Raster<u8>, enough: usize) -> f64 {
+        let mut sums = [0.0f64; 6];
+        for ((picture, model), seen) in self.picture.data.iter().zip(&self.model.data).zip(&num_seen.data) {
+            if picture.is_finite() && model.is_finite() && usize::from(*seen) >= enough {
+                let [x, y] = [picture, model].map(|v| f64::from(v.clamp(-BRIGHTEST, BRIGHTEST)));
+                for (sum, v) in sums.iter_mut().zip([1.0, x, y, x * x, y * y, x * y]) {
+                    *sum += v;
+                }
+            }
+        }
+        let [count, x, y, xx, yy, xy] = sums;
+        let [x, y, xx, yy, xy] = [x, y, xx, yy, xy].map(|sum| sum / count);
+        (xy - x * y) / ((xx - x * x) * (yy - y * y)).sqrt().max(1e-30)
+    }
 }
+
+/// Grey levels beyond this many lit means are not told apart: where nothing holds the surface a handful of cells may be as bright as
+/// the Sun, and counts as wrong, not for all others.
+const BRIGHTEST: f32 = 4.0;
 
 impl Problem<'_> {
     /// Every picture beside its model at a level.

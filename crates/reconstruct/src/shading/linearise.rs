@@ -83,7 +83,6 @@ pub(super) struct Fit {
     pub(super) energy: f64,
     /// Sum of the weighted squares of the residuals.
     pub(super) residual2: f64,
-    sums: [f64; 5],
 }
 
 impl Fit {
@@ -92,15 +91,6 @@ impl Fit {
         self.weight += other.weight;
         self.energy += other.energy;
         self.residual2 += other.residual2;
-        for (a, b) in self.sums.iter_mut().zip(&other.sums) {
-            *a += b;
-        }
-    }
-
-    /// Correlation of picture and model.
-    pub(super) fn correlation(&self) -> f64 {
-        let [x, y, xx, yy, xy] = self.sums.map(|s| s / self.count.max(1.0));
-        (xy - x * y) / ((xx - x * x) * (yy - y * y)).sqrt().max(1e-30)
     }
 }
 
@@ -320,7 +310,7 @@ pub(super) fn linearise(
                     let weight = shown.share * pull * pull;
                     let j = seen.jacobian(shot, shown, &surface.sight, surface.scale);
                     cell.add(weight, j, r);
-                    fit.tell(&seen, shown, weight, f64::from(shown.share * r * r * pull));
+                    fit.tell(&seen, weight, f64::from(shown.share * r * r * pull));
                     for (c, &g) in c.iter_mut().zip(&own) {
                         *c = seen.column(&axes, globals.free[g].global, shown);
                     }
@@ -418,26 +408,17 @@ pub(super) fn first_gain(
     gain.unwrap_or(1.0)
 }
 
-/// Grey levels beyond this many lit means are not told apart in the correlation of picture and model.
-const BRIGHTEST: f32 = 4.0;
-
 /// Cells of a chunk of fields.
 fn cells_of(length: usize, num_fields: usize) -> usize {
     length / num_fields.max(1)
 }
 
 impl Fit {
-    fn tell(&mut self, seen: &Seen, shown: &Shown<'_>, weight: f32, energy: f64) {
-        // Where nothing holds the surface, a handful of cells may be as bright as the Sun: they count as wrong, not for all others.
-        let [x, y] =
-            [seen.sample.grey / shown.mean, seen.model].map(|v| f64::from(v.clamp(-BRIGHTEST, BRIGHTEST)));
+    fn tell(&mut self, seen: &Seen, weight: f32, energy: f64) {
         self.count += 1.0;
         self.weight += f64::from(weight);
         self.energy += energy;
         self.residual2 += f64::from(weight * seen.residual * seen.residual);
-        for (sum, v) in self.sums.iter_mut().zip([x, y, x * x, y * y, x * y]) {
-            *sum += v;
-        }
     }
 }
 

@@ -167,7 +167,7 @@ pub struct Explained {
     pub gain: f64,
     /// Grey level at no light.
     pub offset: f64,
-    /// Correlation of the picture with the model's, over the cells that are compared.
+    /// Correlation of the picture with the model's, over the cells that another picture shows as well, if there is another.
     pub correlation: f64,
     /// Share of the picture's pixels that are lit and not saturated.
     pub lit_share: f64,
@@ -263,16 +263,17 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     let globals = problem.start_globals(pictures, &placed, &surfaces[used - 1], used - 1);
     let solution = problem.run(surfaces, globals).ok_or(Error::NotSeen)?;
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
+    let num_seen = linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0));
+    let compared = problem.compared(&solution.state.surface, &solution.state.globals, 0);
     let explained = solution
         .state
         .globals
         .shots
         .iter()
         .zip(&problem.pyramids)
-        .zip(&solution.fits)
         .zip(pictures)
         .enumerate()
-        .map(|(k, (((shot, pyramid), fit), picture))| Explained {
+        .map(|(k, ((shot, pyramid), picture))| Explained {
             cam_from_scene: match (picture.pose_sigma, k) {
                 (None, _) | (_, 0) => picture.cam_from_scene,
                 (Some(_), 1) => with_baseline_of(shot.pose(&patch), picture, &pictures[0]),
@@ -281,16 +282,15 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
             sun: patch.vector(shot.placed.sun),
             gain: f64::from(shot.gain * pyramid.mean),
             offset: f64::from(shot.offset * pyramid.mean),
-            correlation: fit.correlation(),
+            correlation: compared[k].correlation(&num_seen, pictures.len().min(2)),
             lit_share: f64::from(pyramid.lit_share),
         })
         .collect();
-    let compared = problem.compared(&solution.state.surface, &solution.state.globals, 0);
     Ok(Shaded {
         heights: raster(&solution.state.surface.heights),
         log_albedo: raster(&solution.state.surface.albedo),
         known: problem.anchors.first().filter(|_| start.ground.is_some()).map(Anchor::known),
-        num_seen: linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0)),
+        num_seen,
         pictures: explained,
         compared,
         energies: solution.energies,

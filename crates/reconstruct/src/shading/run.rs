@@ -4,7 +4,7 @@ use super::ShadingOptions;
 use super::anchor::Anchor;
 use super::equations::{Equations, Solver};
 use super::globals::Globals;
-use super::linearise::{Fit, LawTable, Linearised, Shown, Surface, linearise};
+use super::linearise::{LawTable, Linearised, Shown, Surface, linearise};
 use super::picture::PicturePyramid;
 use super::weights::{Parts, Weights};
 use crate::field::plate;
@@ -34,7 +34,6 @@ pub(super) struct State {
 pub(super) struct Solution {
     pub(super) state: State,
     pub(super) weights: Weights,
-    pub(super) fits: Vec<Fit>,
     /// Energy before the first and after each accepted step of the finest level.
     pub(super) energies: Vec<f64>,
 }
@@ -129,7 +128,7 @@ impl Problem<'_> {
             }
         }
         energies.push(self.energy(&state, &linear, &weights, level_idx) / seen(&linear));
-        Solution { state, weights, fits: linear.fits, energies }
+        Solution { state, weights, energies }
     }
 
     /// One linear step.
