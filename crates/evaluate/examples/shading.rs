@@ -22,10 +22,13 @@ use selenograph_reconstruct::matches_file::GivenMatches;
 use selenograph_reconstruct::matching::Match;
 use selenograph_reconstruct::pipeline::{Incomplete, Input, Method, Options, Wanted, reconstruct};
 use selenograph_reconstruct::priors::{KnownPose, KnownSun, Priors, SunAxes};
-use selenograph_reconstruct::shading::{PoseSigma, ShadingOptions};
+use selenograph_reconstruct::shading::{PoseSigma, Shaded, ShadingOptions};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 use std::path::Path;
 use std::time::Instant;
+
+/// Numbers of an item.
+const NUMBERS: usize = 14;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -153,7 +156,7 @@ fn main() -> Result<(), Failure> {
     let source = Source::open(Path::new(&root), &choice)?;
     let methods: &[Method] =
         if choice.lights == LightChoice::Same { &[Method::Stereo, Method::Fused] } else { &[Method::Fused] };
-    let mut rows: Vec<Vec<[f64; 10]>> = vec![Vec::new(); methods.len()];
+    let mut rows: Vec<Vec<[f64; NUMBERS]>> = vec![Vec::new(); methods.len()];
     for (number, entry) in source.entries.iter().enumerate() {
         let pair = LoadedPair::read(entry, &source.pixels)?;
         let truth = PreparedTruth::new(&pair.truth, &Settings::default())?;
@@ -168,7 +171,7 @@ fn main() -> Result<(), Failure> {
             for (rows, method) in rows.iter_mut().zip(methods) {
                 let row = measure(&pair, &truth, &views, lights, *method, &disturbed, &shading, seed)?;
                 println!(
-                    "{} {}.{} {:<6} ratio {:.4} full {:.4} pe {:.5} full {:.5} sc {:.4} mae {:.2} z {:.2}/{:.2} rta {:.2} {:.1} s",
+                    "{} {}.{} {:<6} ratio {:.4} full {:.4} pe {:.5} full {:.5} sc {:.4} mae {:.2} z {:.2}/{:.2} rta {:.2} {:.1} s within {:.0}/{:.0} {:.0}/{:.0}",
                     item.pair,
                     lights[0],
                     lights[1],
@@ -182,7 +185,11 @@ fn main() -> Result<(), Failure> {
                     row[6],
                     row[7],
                     row[8],
-                    row[9]
+                    row[9],
+                    row[10],
+                    row[11],
+                    row[12],
+                    row[13]
                 );
                 rows.push(row);
             }
@@ -191,7 +198,7 @@ fn main() -> Result<(), Failure> {
     for (rows, method) in rows.iter().zip(methods) {
         let of = |k: usize| -> Vec<f64> { rows.iter().map(|row| row[k]).collect() };
         println!(
-            "== {} {} items | {} | {} | {} | {} | {} | {} | {} | z {} {} | {} | {}",
+            "== {} {} items | {} | {} | {} | {} | {} | {} | {} | z {} {} | {} | within 1 and 2 sigma: {} {} slope {} {} | {}",
             method.as_str(),
             rows.len(),
             told("ratio", &of(0), f64::max),
@@ -204,6 +211,10 @@ fn main() -> Result<(), Failure> {
             told("mean abs", &of(6), f64::max),
             told("rms", &of(7), f64::max),
             told("s", &of(9), f64::max),
+            told("%", &of(10), f64::min),
+            told("%", &of(11), f64::min),
+            told("%", &of(12), f64::min),
+            told("%", &of(13), f64::min),
             format_args!(
                 "ratio ≤ .03: {}, ≤ .1: {}, ≤ .25: {}",
                 within(rows, 0.03),
@@ -215,7 +226,61 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-fn within(rows: &[[f64; 10]], limit: f64) -> usize {
+/// Shares of the cells whose error lies within one and two sigmas, of the height and of the slope's tangent at the steepest, on
+/// ground that both pictures show; the heights are compared as they are, without any alignment.
+fn within_sigma(shaded: &Shaded, pair: &LoadedPair) -> [f64; 4] {
+    let (patch, scene) = (&shaded.patch, pair.truth.cam_b_from_cam_a().origin().coords.norm());
+    let view = &pair.truth.views[0];
+    let points = view.points_in_cam();
+    let truth_at = |x: usize, y: usize| -> Option<f64> {
+        let mut height = shaded.heights[(x, y)];
+        for _ in 0..4 {
+            let at = patch.point_of([x as f32 + 0.5, y as f32 + 0.5, height]);
+            let pixel = view.camera.project(&at.into())?;
+            let (i, j) = (pixel.x - 0.5, pixel.y - 0.5);
+            let inside =
+                i >= 0.0 && j >= 0.0 && i < points.width as f64 - 1.0 && j < points.height as f64 - 1.0;
+            if !inside {
+                return None;
+            }
+            let (left, top) = (i as usize, j as usize);
+            let (fx, fy) = (i - left as f64, j - top as f64);
+            let p = |dx: usize, dy: usize| points[(left + dx, top + dy)].coords / scene;
+            let upper = p(0, 0) * (1.0 - fx) + p(1, 0) * fx;
+            let lower = p(0, 1) * (1.0 - fx) + p(1, 1) * fx;
+            height = patch.position(&(upper * (1.0 - fy) + lower * fy))[2] as f32;
+        }
+        height.is_finite().then_some(f64::from(height))
+    };
+    let (width, height) = (patch.width, patch.height);
+    let truth: Vec<Option<f64>> = (0..width * height).map(|at| truth_at(at % width, at / width)).collect();
+    let error = |x: usize, y: usize| Some(f64::from(shaded.heights[(x, y)]) - truth[y * width + x]?);
+    let slope = |x: usize, y: usize| {
+        let (h, at) = (&shaded.heights, |x: usize, y: usize| error(x, y));
+        let (u, v) = (h[(x + 1, y)] - h[(x - 1, y)], h[(x, y + 1)] - h[(x, y - 1)]);
+        let off = [at(x + 1, y)? - at(x - 1, y)?, at(x, y + 1)? - at(x, y - 1)?].map(|d| 0.5 * d);
+        let length = f64::from(u.hypot(v)).max(1e-9);
+        Some((off[0] * f64::from(u) + off[1] * f64::from(v)) / length)
+    };
+    let (mut heights, mut slopes) = (Vec::new(), Vec::new());
+    for y in 1..height - 1 {
+        for x in 1..width - 1 {
+            if shaded.num_seen[(x, y)] < 2 {
+                continue;
+            }
+            if let (Some(off), Some(slope)) = (error(x, y), slope(x, y)) {
+                heights.push(off / f64::from(shaded.height_sigma[(x, y)]));
+                slopes.push(slope / f64::from(shaded.slope_sigma[(x, y)]));
+            }
+        }
+    }
+    let share = |z: &[f64], limit: f64| {
+        100.0 * z.iter().filter(|z| z.abs() <= limit).count() as f64 / z.len().max(1) as f64
+    };
+    [share(&heights, 1.0), share(&heights, 2.0), share(&slopes, 1.0), share(&slopes, 2.0)]
+}
+
+fn within(rows: &[[f64; NUMBERS]], limit: f64) -> usize {
     rows.iter().filter(|row| row[0] <= limit).count()
 }
 
@@ -229,7 +294,7 @@ fn measure(
     disturbed: &Disturbed,
     shading: &ShadingOptions,
     seed: u64,
-) -> Result<[f64; 10], Failure> {
+) -> Result<[f64; NUMBERS], Failure> {
     let mut random = Random(seed ^ 0xABCD);
     let right = pair.truth.cam_b_from_cam_a();
     let scene = right.origin().coords.norm();
@@ -298,6 +363,7 @@ fn measure(
             println!("  {text}");
         }
     }
+    let shares = answer.shaded.as_ref().map_or([f64::NAN; 4], |shaded| within_sigma(shaded, pair));
     let measured = truth.measure(&answer.prediction, Promise::Points)?;
     let (near, whole) = (&measured.overlap.numbers, &measured.full.numbers);
     let of = |value: Option<f64>| value.unwrap_or(f64::NAN);
@@ -318,5 +384,9 @@ fn measure(
         of(near.sigma_z_rms),
         of(measured.numbers.rta_deg),
         seconds,
+        shares[0],
+        shares[1],
+        shares[2],
+        shares[3],
     ])
 }

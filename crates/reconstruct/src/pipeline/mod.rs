@@ -14,7 +14,7 @@ use crate::prediction::NoPose;
 use crate::priors::{self, Priors};
 use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, SiftOptions};
 use crate::scale::{Placement, ScaleSource};
-use crate::shading::ShadingOptions;
+use crate::shading::{Shaded, ShadingOptions};
 use crate::stereo::{self, Completion, StereoOptions};
 use crate::{Error, PredictedView, Prediction, View, triangulate};
 use given::Start;
@@ -204,6 +204,8 @@ pub struct Reconstruction {
     pub focal: FocalSource,
     /// What must be said.
     pub warnings: Vec<Warning>,
+    /// The surface that explains the pictures' shading, where the points are its.
+    pub shaded: Option<Box<Shaded>>,
 }
 
 /// Reconstructs what two pictures show.
@@ -284,6 +286,7 @@ struct Unplaced {
     cameras: [Camera; 2],
     focal: FocalSource,
     warnings: Vec<Warning>,
+    shaded: Option<Box<Shaded>>,
 }
 
 impl Unplaced {
@@ -296,11 +299,12 @@ impl Unplaced {
             cameras,
             focal: FocalSource::Known,
             warnings: Vec::new(),
+            shaded: None,
         }
     }
 
     fn placed(self, priors: &Priors, mut progress: impl FnMut(Stage)) -> Result<Reconstruction, Error> {
-        let Self { prediction, pose, matches, counts, cameras, focal, mut warnings } = self;
+        let Self { prediction, pose, matches, counts, cameras, focal, mut warnings, shaded } = self;
         progress(Stage::Placement);
         let placement = priors.place(&prediction)?;
         warnings.extend(disagreements(priors, &prediction, &placement));
@@ -310,7 +314,7 @@ impl Unplaced {
                 Err(_) => Warning::NetworkUnit,
             });
         }
-        Ok(Reconstruction { prediction, pose, matches, counts, placement, cameras, focal, warnings })
+        Ok(Reconstruction { prediction, pose, matches, counts, placement, cameras, focal, warnings, shaded })
     }
 }
 
@@ -362,6 +366,7 @@ fn from_arrays(said: &LearnedInput, priors: &Priors, options: &Options) -> Resul
         cameras: cameras.clone(),
         focal: *focal,
         warnings,
+        shaded: None,
     })
 }
 
@@ -390,7 +395,7 @@ fn from_pictures(
     };
     warnings.extend(start.source.warning());
     let pose = &start.cam_b_from_cam_a;
-    let mut refined = None;
+    let mut found = None;
     let views = match (options.wanted, options.method) {
         (Wanted::Pose, _) => None,
         (Wanted::Points, Method::Orb | Method::Sift) => {
@@ -425,8 +430,9 @@ fn from_pictures(
             progress(Stage::Shading);
             match shading::shaded([a, b], &start, begun.as_ref(), priors, &options.shading) {
                 Ok(shaded) => {
-                    refined = Some(shaded.pictures[1].cam_from_scene.relabel());
-                    Some([shaded.view(0, a), shaded.view(1, b)])
+                    let views = [shaded.view(0, a), shaded.view(1, b)];
+                    found = Some(Box::new(shaded));
+                    Some(views)
                 }
                 Err(why) => {
                     warnings.push(why);
@@ -436,9 +442,10 @@ fn from_pictures(
         }
     };
     let Start { cam_b_from_cam_a, source, matches, counts } = start;
-    let cam_b_from_cam_a = refined.unwrap_or(cam_b_from_cam_a);
+    let cam_b_from_cam_a =
+        found.as_ref().map_or(cam_b_from_cam_a, |shaded| shaded.pictures[1].cam_from_scene.relabel());
     let prediction = Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views };
-    Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, warnings })
+    Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, warnings, shaded: found })
 }
 
 /// A point per pixel.

@@ -56,10 +56,8 @@ impl KnownGround<'_> {
 
     /// Height at which the line of a column and row meets the model, in cells, from a height near it.
     pub(super) fn height_on_line(&self, patch: &Patch, x: f32, y: f32, near: f64) -> Option<f64> {
-        let over = |height: f64| {
-            let place = patch.sight.position([x, y, height as f32]);
-            Some((self.height_over)(&patch.point(place.map(f64::from)))? / patch.cell)
-        };
+        let over =
+            |height: f64| Some((self.height_over)(&patch.point_of([x, y, height as f32]))? / patch.cell);
         let mut height = near;
         let mut above = over(height)?;
         let mut rise = 1.0f64;

@@ -27,6 +27,7 @@ mod patch;
 mod picture;
 mod run;
 mod sharpened;
+mod uncertainty;
 mod weights;
 
 use crate::View;
@@ -39,7 +40,7 @@ pub use known_ground::{HeightOver, KnownGround};
 use linearise::{LawTable, Surface};
 pub use patch::Patch;
 use picture::{PicturePyramid, Placed};
-use run::Problem;
+use run::{Problem, State};
 use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vector3};
 use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
@@ -182,6 +183,12 @@ pub struct Shaded {
     pub heights: Raster<f32>,
     /// Logarithm of the albedo against the law's.
     pub log_albedo: Raster<f32>,
+    /// Standard deviation of the heights, cells.
+    pub height_sigma: Raster<f32>,
+    /// Standard deviation of the slope's tangent, where the ground is steepest.
+    pub slope_sigma: Raster<f32>,
+    /// Standard deviation of the log albedo.
+    pub albedo_sigma: Raster<f32>,
     /// Heights of the ground that was known beforehand, in cells, NaN where it is not known; `None` where the surface began with
     /// something else.
     pub known: Option<Raster<f32>>,
@@ -286,7 +293,18 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
             lit_share: f64::from(pyramid.lit_share),
         })
         .collect();
+    let State { surface, globals } = &solution.state;
+    let sure = uncertainty::uncertainty(
+        surface,
+        globals,
+        &solution.linear,
+        problem.anchors.first(),
+        &solution.weights,
+    );
     Ok(Shaded {
+        height_sigma: sure.heights,
+        slope_sigma: sure.slopes,
+        albedo_sigma: sure.albedo,
         heights: raster(&solution.state.surface.heights),
         log_albedo: raster(&solution.state.surface.albedo),
         known: problem.anchors.first().filter(|_| start.ground.is_some()).map(Anchor::known),
@@ -387,17 +405,26 @@ impl Shaded {
         let met = ground.pixels(&view.camera, pose, &self.placed[picture]);
         let (width, height) = (met.width, met.height);
         let points = met.map(|p| {
-            let point = self.patch.point(self.patch.sight.position(*p).map(f64::from));
+            let point = self.patch.point_of(*p);
             std::array::from_fn(|i| point[i] as f32)
         });
-        let seen = |p: &[f32; 3]| {
-            let cell = |c: f32, count: usize| (c.max(0.0) as usize).min(count - 1);
-            self.num_seen[(cell(p[0], self.patch.width), cell(p[1], self.patch.height))]
-        };
+        let cell = |c: f32, count: usize| (c.max(0.0) as usize).min(count - 1);
+        let cell_of = |p: &[f32; 3]| (cell(p[0], self.patch.width), cell(p[1], self.patch.height));
+        let eye = self.placed[picture].eye;
+        let sigma = met.map(|p| {
+            if p[0].is_nan() {
+                return f32::NAN;
+            }
+            let position = self.patch.sight.position(*p);
+            let ray: [f32; 3] = std::array::from_fn(|i| position[i] - eye[i]);
+            // A cell of height is so much of the ray's length.
+            let along_ray = ray.iter().map(|c| c * c).sum::<f32>().sqrt() / ray[2].abs();
+            self.height_sigma[cell_of(p)] * along_ray * self.patch.cell as f32
+        });
         // One picture alone tells a slope along its Sun: what follows from that is no measurement.
         let fill = met.map(|p| match p[0].is_nan() {
             true => Fill::Absent,
-            false if seen(p) > 1 => Fill::Measured,
+            false if self.num_seen[cell_of(p)] > 1 => Fill::Measured,
             false => Fill::Completed,
         });
         PredictedView {
@@ -406,7 +433,7 @@ impl Shaded {
                 Fill::Completed => 0.5,
                 Fill::Measured => 1.0,
             }),
-            sigma: None,
+            sigma: Some(sigma),
             fill,
             points: Raster { width, height, data: points.data },
         }

@@ -106,7 +106,10 @@ impl Patch {
         let (wide, high) = (bounds[2] - bounds[0] + 2.0 * margin, bounds[3] - bounds[1] + 2.0 * margin);
         let least = (wide * high / max_cells as f64).sqrt().max(least_cell);
         let cell = footprints.iter().copied().fold(f64::INFINITY, f64::min).max(least);
-        let count = |extent: f64| ((extent / cell).ceil() as usize).div_ceil(multiple) * multiple;
+        let count = |extent: f64| {
+            let least = ((extent / cell).ceil() as usize).div_ceil(multiple);
+            multiple * (least..2 * least.max(1)).find(|&n| is_smooth(n)).unwrap_or(least)
+        };
         let (width, height) = (count(wide), count(high));
         let middle = plane.center + u * (0.5 * (bounds[0] + bounds[2])) + v * (0.5 * (bounds[1] + bounds[3]));
         let corner = middle - u * (0.5 * cell * width as f64) - v * (0.5 * cell * height as f64);
@@ -135,11 +138,27 @@ impl Patch {
         self.direction(&(point - self.corner)).map(|length| length / self.cell)
     }
 
+    /// The point of the scene at a place.
+    pub fn point_of(&self, place: [f32; 3]) -> Vector3<f64> {
+        self.point(self.sight.position(place).map(f64::from))
+    }
+
     /// The point of the scene at a position.
     pub fn point(&self, position: [f64; 3]) -> Vector3<f64> {
         let [u, v, n] = self.axes;
         self.corner + (u * position[0] + v * position[1] + n * position[2]) * self.cell
     }
+}
+
+/// Whether a number has no prime factors above 5: transforms of such lengths are several times faster.
+fn is_smooth(number: usize) -> bool {
+    let without = |mut n: usize, prime: usize| {
+        while n > 0 && n.is_multiple_of(prime) {
+            n /= prime;
+        }
+        n
+    };
+    [2, 3, 5].into_iter().fold(number, without) == 1
 }
 
 /// Points of the plane that a picture sees, with the side of a square of a pixel's area there.

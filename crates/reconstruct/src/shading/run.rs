@@ -30,12 +30,13 @@ pub(super) struct State {
 }
 
 /// The answer on the cells.
-#[derive(Debug, Clone)]
 pub(super) struct Solution {
     pub(super) state: State,
     pub(super) weights: Weights,
     /// Energy before the first and after each accepted step of the finest level.
     pub(super) energies: Vec<f64>,
+    /// The last step's equations.
+    pub(super) linear: Linearised,
 }
 
 impl Problem<'_> {
@@ -128,7 +129,7 @@ impl Problem<'_> {
             }
         }
         energies.push(self.energy(&state, &linear, &weights, level_idx) / seen(&linear));
-        Solution { state, weights, energies }
+        Solution { state, weights, energies, linear }
     }
 
     /// One linear step.
@@ -204,8 +205,9 @@ const FIRST_STEPS: usize = 2;
 const UNSEEN: f64 = 0.01;
 /// Keeps the globals' matrix definite.
 const LEAST_PRECISION: f64 = 1e-9;
+
 /// The conjugate gradients stop when their residual has fallen by this.
-const TOLERANCE: f64 = 1e-3;
+pub(super) const TOLERANCE: f64 = 1e-3;
 
 fn times(matrix: &DMatrix<f64>, vector: &[f64]) -> Vec<f64> {
     let row = |k: usize| vector.iter().enumerate().map(|(l, v)| matrix[(k, l)] * v).sum();

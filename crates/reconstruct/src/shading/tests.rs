@@ -107,8 +107,7 @@ impl Scene {
         for y in 0..shaded.patch.height {
             for x in 0..shaded.patch.width {
                 let at = [x as f64 + 0.5, y as f64 + 0.5, f64::from(shaded.heights[(x, y)])];
-                let point =
-                    shaded.patch.point(shaded.patch.sight.position(at.map(|c| c as f32)).map(f64::from));
+                let point = shaded.patch.point_of(at.map(|c| c as f32));
                 let inside = self.poses.iter().zip(&self.views).all(|(pose, view)| {
                     let pixel = view.camera.project(&pose.point(&point.into()));
                     pixel.is_some_and(|p| {

@@ -89,25 +89,56 @@ impl Weights {
 
     /// Measurements per cell that go into heights and albedo: the trace of `1 − Λ (D + Λ)⁻¹`, averaged over all waves on the grid.
     fn spent(&self, mean: &[f64; 10]) -> f64 {
-        let [uu, uv, _, ua, vv, _, va, hh, ha, aa] = *mean;
-        let (stiffness, tension, hold) = (self.stiffness(), self.tension(), self.hold());
         let mut sum = 0.0;
         for j in 0..2 * WAVES {
             for i in 0..WAVES {
-                let wave = |n: f64| std::f64::consts::PI * n / WAVES as f64;
-                let (ku, kv) = (wave(i as f64 + 0.5), wave(j as f64 + 0.5 - WAVES as f64));
-                let (su, sv) = (ku.sin(), kv.sin());
-                // Differences are odd, heights and albedo even: their products are imaginary and drop out of the power.
-                let of_heights = uu * su * su + 2.0 * uv * su * sv + vv * sv * sv + hh;
-                let across2 = (ua * su + va * sv).powi(2) + ha * ha;
-                let curved = 2.0 * (1.0 - ku.cos()) + 2.0 * (1.0 - kv.cos());
-                let (plate, membrane) = (stiffness * curved * curved, tension * curved + hold);
-                let (h, a) = (of_heights + plate, aa + membrane);
-                let determinant = (h * a - across2).max(1e-12 * h * a);
-                sum += 2.0 - (plate * a + membrane * h) / determinant;
+                let number = |n: f64| std::f64::consts::PI * n / WAVES as f64;
+                let wave = self.wave(mean, number(i as f64 + 0.5), number(j as f64 + 0.5 - WAVES as f64));
+                let [of_height, of_albedo] = wave.variances();
+                sum += 2.0 - wave.plate * of_height - wave.membrane * of_albedo;
             }
         }
         (sum / (2 * WAVES * WAVES) as f64).clamp(0.0, 2.0)
+    }
+}
+
+/// What holds one wave of heights and albedo on ground that is everywhere alike, per cell.
+pub(super) struct Wave {
+    /// Of the heights: data and plate, and the plate alone.
+    heights: f64,
+    plate: f64,
+    /// Of the log albedo: data and membrane, and the membrane alone.
+    albedo: f64,
+    membrane: f64,
+    /// Square of what the data say of both at once.
+    across2: f64,
+}
+
+impl Wave {
+    /// Variances of height and log albedo in this wave, over that of the noise.
+    pub(super) fn variances(&self) -> [f64; 2] {
+        let determinant = self.heights * self.albedo - self.across2;
+        let determinant = determinant.max(1e-12 * self.heights * self.albedo);
+        [self.albedo / determinant, self.heights / determinant]
+    }
+}
+
+impl Weights {
+    /// What holds the wave of these numbers (radians per cell) where the cells' mean tensor is this.
+    pub(super) fn wave(&self, mean: &[f64; 10], ku: f64, kv: f64) -> Wave {
+        let [uu, uv, _, ua, vv, _, va, hh, ha, aa] = *mean;
+        let (su, sv) = (ku.sin(), kv.sin());
+        // Differences are odd, heights and albedo even: their products are imaginary and drop out of the power.
+        let of_heights = uu * su * su + 2.0 * uv * su * sv + vv * sv * sv + hh;
+        let curved = 2.0 * (1.0 - ku.cos()) + 2.0 * (1.0 - kv.cos());
+        let (plate, membrane) = (self.stiffness() * curved * curved, self.tension() * curved + self.hold());
+        Wave {
+            heights: of_heights + plate,
+            plate,
+            albedo: aa + membrane,
+            membrane,
+            across2: (ua * su + va * sv).powi(2) + ha * ha,
+        }
     }
 }
 
