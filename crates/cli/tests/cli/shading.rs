@@ -41,7 +41,7 @@ fn shading_joins_stereo_where_both_suns_are_known() {
     assert!(record.contains("[outcome.shading]") && record.contains("shading_use = \"auto\""), "{record}");
     let files = names(&place.path("joined"));
     let page = std::fs::read_to_string(place.path("joined/report.html")).unwrap();
-    for words in ["The model's picture", "Residual against slope", "Hillshade of stereo alone", "Albedo"] {
+    for words in ["Picture less model", "Residual against slope", "Hillshade of stereo alone", "Albedo"] {
         assert!(page.contains(words), "{words}");
     }
     let read = |name: &str| {
