@@ -88,15 +88,7 @@ impl Layers {
 
     /// Lays one `key=value` over what is there; the value is TOML, or a string where it is none.
     fn add_assignment(&mut self, assignment: &str) -> anyhow::Result<()> {
-        let Some((key, value)) = assignment.split_once('=') else {
-            return Err(refuse(
-                format!("--set: `{assignment}` is not an assignment"),
-                "write it as key=value, for example --set nadir.pairs=20",
-            ));
-        };
-        let (key, value) = (key.trim(), value.trim());
-        let is_toml = format!("x = {value}").parse::<Table>().is_ok();
-        let value = if is_toml { value.to_owned() } else { format!("{value:?}") };
+        let (key, value) = key_and_value(assignment, "nadir.pairs=20")?;
         self.add_text(&format!("{key} = {value}"), &format!("--set {key}"))
     }
 
@@ -124,6 +116,22 @@ impl Layers {
         }
         Ok(Campaign::from_table(self.merged.clone())?)
     }
+}
+
+/// Key and value of an assignment; the value is TOML, or a string where it is none.
+///
+/// # Errors
+/// What is no assignment; `example` is one.
+pub fn key_and_value<'a>(assignment: &'a str, example: &str) -> anyhow::Result<(&'a str, String)> {
+    let Some((key, value)) = assignment.split_once('=') else {
+        return Err(refuse(
+            format!("--set: `{assignment}` is not an assignment"),
+            format!("write it as key=value, for example --set {example}"),
+        ));
+    };
+    let (key, value) = (key.trim(), value.trim());
+    let is_toml = format!("x = {value}").parse::<Table>().is_ok();
+    Ok((key, if is_toml { value.to_owned() } else { format!("{value:?}") }))
 }
 
 /// The text with blanks where it names a preset, so that all else keeps its line and column.

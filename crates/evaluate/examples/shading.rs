@@ -363,7 +363,7 @@ fn measure(
             println!("  {text}");
         }
     }
-    let shares = answer.shaded.as_ref().map_or([f64::NAN; 4], |shaded| within_sigma(shaded, pair));
+    let shares = answer.shading.used().map_or([f64::NAN; 4], |used| within_sigma(&used.shaded, pair));
     let measured = truth.measure(&answer.prediction, Promise::Points)?;
     let (near, whole) = (&measured.overlap.numbers, &measured.full.numbers);
     let of = |value: Option<f64>| value.unwrap_or(f64::NAN);

@@ -66,6 +66,16 @@ pub enum Error {
     /// A method that needs a network, and none.
     #[error("the method `mast3r` needs a network")]
     NoNetwork,
+    /// A setting of the methods that there is not, or of another type.
+    #[error("setting `{key}`: {what}")]
+    Setting {
+        /// What was to be set.
+        key: String,
+        /// What is wrong.
+        what: String,
+        /// The nearest key, where one is near.
+        nearest: Option<String>,
+    },
     /// A network that cannot look at a picture.
     #[error(transparent)]
     Predict(#[from] selenograph_predict::Error),
@@ -123,6 +133,11 @@ impl Error {
             }
             Self::UnknownMethod { nearest: Some(nearest), .. } => format!("did you mean `{nearest}`?"),
             Self::UnknownMethod { .. } => "`selenograph evaluate --help` tells what each method does".into(),
+            Self::Setting { nearest: Some(nearest), .. } => format!("did you mean `{nearest}`?"),
+            Self::Setting { .. } => {
+                "settings are those under `settings.pipeline` in the run.toml of a reconstruction: for example shading.estimate_weights=false"
+                    .into()
+            }
             Self::NoNetwork => "pass --weights FILE".into(),
             Self::OtherEvaluation { .. } => {
                 "pass another --out, or --force to start this evaluation anew".into()

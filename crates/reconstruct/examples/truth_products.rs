@@ -43,6 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         prediction: &prediction,
         placement: &placement,
         matches: None,
+        shaded: None,
     };
     let start = Instant::now();
     let options = ProductOptions::default();

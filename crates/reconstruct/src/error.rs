@@ -1,5 +1,6 @@
 //! What can go wrong between two pictures and their products.
 
+use crate::evidence::Warning;
 use crate::{refine, stereo};
 use selenograph_pose::relative::CannotSay;
 use std::path::{Path, PathBuf};
@@ -116,6 +117,9 @@ pub enum Error {
     /// Dense stereo has nothing to start from.
     #[error("cannot say: {0}")]
     Stereo(#[from] stereo::Error),
+    /// Shading is to carry the answer, and does not.
+    #[error("cannot say: {0}; and under two Suns stereo has nothing to compare")]
+    NotShaded(Warning),
     /// Pictures do not sharpen an elevation model.
     #[error("cannot say: {0}")]
     Refine(#[from] refine::Error),
@@ -145,6 +149,9 @@ impl Error {
             }
             Self::CannotSay(why) => Some(why.hint()),
             Self::Stereo(why) => Some(why.hint()),
+            Self::NotShaded(_) => Some(
+                "are the Suns those of these pictures? with shading left to `auto` the answer is what stereo finds all the same",
+            ),
             Self::Refine(why) => Some(why.hint()),
             Self::Raster(e) => e.hint(),
             _ => None,

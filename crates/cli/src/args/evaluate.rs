@@ -12,7 +12,7 @@ pub struct Evaluate {
     /// Dataset folder, ours or triplets, or a folder of such folders
     #[arg(value_name = "DIR")]
     pub dataset: PathBuf,
-    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, mast3r, mast3r-stereo, truth, plane
+    /// A method; give several to compare them: reductions are against the first that sees pictures only. Known: orb, sift, stereo, mast3r, mast3r-stereo, fused, truth, plane
     #[arg(long = "method", short, value_name = "METHOD", required = true, value_delimiter = ',')]
     pub methods: Vec<String>,
     /// View A under one light and view B under another: only such items, or beside those of one light
@@ -30,6 +30,10 @@ pub struct Evaluate {
     /// Where the triplets' K counts pixels from [default: what their depth says]
     #[arg(long, value_name = "WHERE")]
     pub k_convention: Option<KConvention>,
+    /// One setting of the methods of `reconstruct`, for example shading.estimate_weights=false (keys as in its run.toml, parts orb, sift,
+    /// stereo, shading); may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
     /// The paper's figures of every pair: methods side by side, clouds, profiles
     #[arg(long)]
     pub figures: bool,

@@ -6,7 +6,7 @@ use super::network::NetworkChoice;
 use clap::Args;
 use selenograph_geometry::time::Utc;
 use selenograph_reconstruct::learned::{PointsFrom, PoseFrom};
-use selenograph_reconstruct::pipeline::Method;
+use selenograph_reconstruct::pipeline::{Method, ShadingUse};
 use selenograph_reconstruct::scale::ScaleSource;
 use std::path::PathBuf;
 
@@ -31,6 +31,10 @@ pub struct Reconstruct {
     /// How points are found
     #[arg(long, value_name = "METHOD", default_value = "stereo")]
     pub method: Method,
+    /// Whether shading joins stereo (methods stereo and mast3r-stereo): one surface whose renderings equal the pictures, sharper than stereo and
+    /// possible under two Suns. It needs the Sun of each picture
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub shading: ShadingUse,
     /// Fill what was not measured smoothly from its surroundings; such points are marked
     #[arg(long)]
     pub complete: bool,

@@ -26,7 +26,7 @@ use selenograph_dataset::stored::{self, ReadOptions};
 use selenograph_evaluate::run::EVALUATION;
 use selenograph_files::record::{self, RUN_NAME};
 use selenograph_files::{Error, Existing, FolderKind, HeldFolder, is_occupied};
-use selenograph_reconstruct::pipeline::Method;
+use selenograph_reconstruct::pipeline::{Method, ShadingUse};
 use selenograph_render::Tracer;
 use selenograph_terrain::Terrain;
 use selenograph_terrain::store::TERRAIN;
@@ -137,6 +137,7 @@ fn make(args: &Demo, size: &Size, ui: &Ui) -> anyhow::Result<Outcome> {
         limit: None,
         k_convention: None,
         no_verify: false,
+        set: Vec::new(),
         figures: false,
         network: NetworkChoice::default(),
         target: target("evaluation"),
@@ -212,6 +213,7 @@ fn reconstruct_one(folder: &Path, seed: u64, ui: &Ui) -> anyhow::Result<Outcome>
             ..Known::default()
         },
         method: Method::Stereo,
+        shading: ShadingUse::Auto,
         complete: false,
         network: NetworkChoice::default(),
         learned: LearnedChoice::default(),

@@ -5,13 +5,14 @@ use super::data_check::convention;
 use super::network::{self, builtin};
 use crate::args::evaluate::{CrossLight, Evaluate};
 use crate::exit::{Outcome, refuse};
+use crate::settings::key_and_value;
 use crate::ui::Ui;
 use selenograph_dataset::pair::Trajectory;
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, Source};
 use selenograph_evaluate::method::Method;
 use selenograph_evaluate::method::network::Network;
 use selenograph_evaluate::pair_metrics::Promise;
-use selenograph_evaluate::run::{self, EVALUATION, Progress, RunOptions, Settings};
+use selenograph_evaluate::run::{self, EVALUATION, Overrides, Progress, RunOptions, Settings};
 use selenograph_evaluate::summary::{
     Contents, MethodLines, Overview, Results, overview, overview_text, page, summary_json,
 };
@@ -56,6 +57,11 @@ pub struct Scores {
 pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     let methods = methods(&args.methods)?;
     let choice = choice(args)?;
+    let mut set = Overrides::default();
+    for assignment in &args.set {
+        let (key, value) = key_and_value(assignment, "shading.estimate_weights=false")?;
+        set.set(key, &value)?;
+    }
     let folder = if args.network.dry_run { None } else { Some(args.target.held(&EVALUATION)?) };
     let source = ui.timed("look at the dataset", || Source::open(&args.dataset, &choice))?;
     if let Some(told) = &source.pixels.told {
@@ -67,6 +73,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     let settings = Settings {
         lights: choice.lights,
         methods: methods.clone(),
+        set,
         network: network.as_ref().map(|network| network.record().clone()),
         ..Settings::default()
     };
@@ -82,7 +89,7 @@ pub fn score(args: &Evaluate, ui: &Ui) -> anyhow::Result<Option<Scores>> {
     let summary = summary_json(&source, &completed, &methods);
     write(&args.target.out.join("summary.json"), &(serde_json::to_string_pretty(&summary)? + "\n"))?;
     ui.timed("figures and report", || {
-        write_report(&source, &completed, &methods, &results, network.as_ref(), args, ui)
+        write_report(&source, &completed, &methods, &results, (&settings, network.as_ref()), args, ui)
     })?;
     let outcome =
         if completed.skipped.is_empty() { Outcome::Done } else { Outcome::Skipped(completed.skipped) };
@@ -95,10 +102,11 @@ fn write_report(
     completed: &run::Completed,
     methods: &[MethodLines],
     results: &Results,
-    network: Option<&Network>,
+    (settings, network): (&Settings, Option<&Network>),
     args: &Evaluate,
     ui: &Ui,
 ) -> anyhow::Result<()> {
+    let options = settings.set.options()?;
     let out = &args.target.out;
     let plots = plots(methods);
     make_folder(&out.join("plots"))?;
@@ -115,7 +123,7 @@ fn write_report(
     let draw = |items: &[Item], folder: &str| -> anyhow::Result<Vec<ItemFigures>> {
         let mut shown = Vec::new();
         for (k, item) in items.iter().enumerate() {
-            let drawn = ItemFigures::draw(source, &item.methods, network, &item.pair, item.lights)?;
+            let drawn = ItemFigures::draw(source, &item.methods, network, &options, &item.pair, item.lights)?;
             bar.inc(1);
             let Some(drawn) = drawn else { continue };
             drawn.write(&out.join(folder).join(item.pair.replace('/', "_")))?;

@@ -16,6 +16,7 @@ mod dem_synth;
 mod demo;
 mod doctor;
 mod evaluate;
+mod figures;
 mod frames;
 mod generate;
 mod network;

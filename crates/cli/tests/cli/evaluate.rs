@@ -154,6 +154,13 @@ fn what_cannot_be_evaluated_is_refused() {
     let place = with_dataset();
     place.run("evaluate dataset --method plain --out e").refused("no method `plain`", "did you mean `plane`");
     place.run("evaluate nowhere --method truth --out e").refused("nowhere", "check the path");
+    for (set, says, hint) in [
+        ("shading.noize=0.1", "setting `shading.noize`", "did you mean `noise`?"),
+        ("method=orb", "expected a key of orb, sift, stereo, shading", "run.toml"),
+        ("shading.noise", "is not an assignment", "shading.estimate_weights=false"),
+    ] {
+        place.run(&format!("evaluate dataset --method stereo --set {set} --out e")).refused(says, hint);
+    }
     std::fs::create_dir(place.path("empty")).unwrap();
     place.run("evaluate empty --method truth --out e").refused("no pairs to evaluate", "`pairs/…`");
     place

@@ -19,6 +19,7 @@ mod photometry;
 mod program;
 mod reconstruct;
 mod refine;
+mod shading;
 mod shipped;
 mod suns;
 mod tiff;

@@ -14,7 +14,7 @@ use maps::Maps;
 use selenograph_raster::codec::png;
 use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, statistics};
-use selenograph_reconstruct::Fill;
+use selenograph_reconstruct::{Fill, pipeline};
 use selenograph_report::chart::{Profile, profile, residual};
 use selenograph_report::figure::{ColorBar, Grid};
 use selenograph_report::{Axis, Figure, Picture};
@@ -54,6 +54,7 @@ impl ItemFigures {
         source: &Source,
         methods: &[Method],
         network: Option<&Network>,
+        options: &pipeline::Options,
         pair_name: &str,
         lights: [u64; 2],
     ) -> Result<Option<Self>, Error> {
@@ -68,8 +69,14 @@ impl ItemFigures {
         let mut drawn = vec![Drawn::of_truth(&prepared)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {
             let suns = pair.suns_in_cams(lights);
-            let item =
-                Item { views: &views, lights, suns, truth: prepared.truth(), network: session.as_ref() };
+            let item = Item {
+                views: &views,
+                lights,
+                suns,
+                options,
+                truth: prepared.truth(),
+                network: session.as_ref(),
+            };
             let answer = method.answer(&item)?;
             if let Some(Ok(aligned)) = prepared.align(&answer.prediction, Region::Overlap)? {
                 let answers = Answers::of_prediction(&answer.prediction, prepared.truth())?;

@@ -3,7 +3,7 @@
 use super::network;
 use crate::truth::TruthPair;
 use selenograph_geometry::{CamA, CamB, Rigid3, Vector3};
-use selenograph_reconstruct::{NoPose, Prediction, View};
+use selenograph_reconstruct::{NoPose, Prediction, View, pipeline};
 
 /// A relative pose, or why there is none.
 pub type Pose = Result<Rigid3<CamB, CamA>, NoPose>;
@@ -17,6 +17,8 @@ pub struct Item<'a> {
     pub lights: [u64; 2],
     /// Unit vectors to the Suns, each in its camera's axes, where they are known: they are given to the methods that look at shading.
     pub suns: [Option<Vector3<f64>>; 2],
+    /// Settings of the methods of `reconstruct`, but for what an evaluation decides itself.
+    pub options: &'a pipeline::Options,
     /// The truth, for the anchors.
     pub truth: &'a TruthPair,
     /// The network at work on this pair.

@@ -10,7 +10,9 @@ use selenograph_reconstruct::View;
 use selenograph_reconstruct::features::orb;
 use selenograph_reconstruct::learned::{LearnedInput, LearnedOptions};
 use selenograph_reconstruct::matching::{self, Match};
-use selenograph_reconstruct::pipeline::{Incomplete, Input, Method, Options, Wanted, reconstruct};
+use selenograph_reconstruct::pipeline::{
+    Incomplete, Input, Method, Options, ShadingUse, Wanted, reconstruct,
+};
 use selenograph_reconstruct::priors::{KnownSun, Priors, SunAxes};
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, SiftOptions};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
@@ -32,8 +34,10 @@ pub fn answer(method: Method, promise: Promise, item: &Item<'_>) -> Result<Answe
         method,
         wanted: if promise == Promise::Pose { Wanted::Pose } else { Wanted::Points },
         incomplete: Incomplete::Keep,
-        stereo: StereoOptions { completion: Completion::Everywhere, ..StereoOptions::default() },
-        ..Options::default()
+        stereo: StereoOptions { completion: Completion::Everywhere, ..item.options.stereo.clone() },
+        // `stereo` is stereo alone here, and `fused` the one with shading: they stand side by side in the tables.
+        shading_use: ShadingUse::Off,
+        ..item.options.clone()
     };
     if let Some(session) = item.network {
         options.learned = session.geometry().clone();

@@ -2,11 +2,13 @@
 
 pub(crate) mod lines;
 mod options;
+mod overrides;
 mod record;
 mod work;
 
 pub use lines::Line;
 pub use options::{Progress, RunOptions};
+pub use overrides::Overrides;
 pub use record::{Completed, EVALUATION, Settings};
 
 use crate::Error;

@@ -1,5 +1,6 @@
 //! `run.toml` of an evaluation: what was asked for, and whether a folder holds the same.
 
+use super::overrides::Overrides;
 use crate::Error;
 use crate::dataset_source::{LightChoice, Source};
 use crate::method::Method;
@@ -27,6 +28,9 @@ pub struct Settings {
     /// The central rows of the reference protocol; absent where they are not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_frame: Option<pair_metrics::Settings>,
+    /// Settings of the methods that are not the usual ones.
+    #[serde(default, skip_serializing_if = "Overrides::is_empty")]
+    pub set: Overrides,
     /// The network of the method that needs one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkRecord>,
@@ -35,13 +39,17 @@ pub struct Settings {
 impl Settings {
     /// What a method does, with which settings, in one line.
     pub fn line_of(&self, method: Method) -> String {
-        match &self.network {
+        let line = match &self.network {
             Some(network) if method == Method::Pictures(Pictures::Mast3r) => network.settings(),
             Some(network) if method.needs_network() => {
                 format!("{}; {}", network.identity(), method.settings())
             }
             _ => method.settings().to_owned(),
+        };
+        if self.set.is_empty() || !method.looks_at_pictures() {
+            return line;
         }
+        format!("{line}; with {}", self.set)
     }
 }
 
@@ -52,6 +60,7 @@ impl Default for Settings {
             methods: vec![Method::Truth],
             metrics: pair_metrics::Settings::default(),
             reference_frame: Some(pair_metrics::Settings::paper()),
+            set: Overrides::default(),
             network: None,
         }
     }

@@ -10,7 +10,7 @@ use crate::method::network::Session;
 use crate::method::{Answer, Item, Method};
 use crate::pair_metrics::{PairMetrics, PreparedTruth, Promise};
 use selenograph_geometry::Vector3;
-use selenograph_reconstruct::{Prediction, View};
+use selenograph_reconstruct::{Prediction, View, pipeline};
 use std::collections::BTreeSet;
 
 /// Keys of the items that are in a file.
@@ -84,6 +84,7 @@ fn measure_pair(
         rows: settings.reference_frame.as_ref().map(|rows| PreparedTruth::new(truth, rows)).transpose()?,
     };
     let session = options.network.map(Session::new);
+    let methods = settings.set.options()?;
     result.lines = vec![Vec::new(); settings.methods.len()];
     result.seconds = vec![0.0; settings.methods.len()];
     // Item by item, not method by method: what a network said of an item serves all methods that ask it.
@@ -97,7 +98,9 @@ fn measure_pair(
             let line = match result.lines[n].first() {
                 // An anchor says the same under every light.
                 Some(line) if !method.looks_at_pictures() => Line { item: item.clone(), ..line.clone() },
-                _ => measure_item(method, item.clone(), (&views, suns), &truths, session.as_ref())?,
+                _ => {
+                    measure_item(method, item.clone(), (&views, suns), &truths, (&methods, session.as_ref()))?
+                }
             };
             result.lines[n].push(line);
             result.seconds[n] += (options.clock)() - start;
@@ -111,10 +114,11 @@ fn measure_item(
     item: ItemRecord,
     (views, suns): (&[View; 2], [Option<Vector3<f64>>; 2]),
     truths: &Truths,
-    network: Option<&Session<'_>>,
+    (options, network): (&pipeline::Options, Option<&Session<'_>>),
 ) -> Result<Line, Error> {
     let lights = [item.light_a, item.light_b];
-    let answer = method.answer(&Item { views, lights, suns, truth: truths.full.truth(), network })?;
+    let answer =
+        method.answer(&Item { views, lights, suns, options, truth: truths.full.truth(), network })?;
     let metrics = truths.full.measure(&answer.prediction, method.promise())?;
     let in_rows =
         truths.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;

@@ -6,7 +6,8 @@ use crate::prediction::{Fill, Prediction};
 use crate::scale::{Placement, World};
 use selenograph_geometry::proj_string::Crs;
 use selenograph_geometry::{
-    Body, BodyFixed, Enu, Matrix3, Point3, Pole, PredA, Projection, Rigid3, Rotation3, Sim3, Vector3,
+    Body, BodyFixed, Enu, Geodetic, Matrix3, Point3, Pole, PredA, Projection, Rigid3, Rotation3, Sim3,
+    Vector3,
 };
 
 /// Poleward of this latitude maps are polar stereographic (the split of the IAU's own maps), radians.
@@ -82,6 +83,21 @@ impl GridFrame {
             Self::Local { local_from_pred, .. } => {
                 let p = local_from_pred.point(point_in_pred);
                 Some([p.x, p.y, p.z])
+            }
+        }
+    }
+
+    /// The point of the prediction at x, y and height; `None` off the map.
+    #[inline]
+    pub fn point_in_pred(&self, [x, y, height]: [f64; 3]) -> Option<Point3<f64>> {
+        match self {
+            Self::Map { crs, body_from_pred } => {
+                let place = crs.projection.place_from_map(x, y)?;
+                let in_body = crs.body.point(&Geodetic { height_m: height, ..place });
+                Some(body_from_pred.inverse().point(&in_body))
+            }
+            Self::Local { local_from_pred, .. } => {
+                Some(local_from_pred.inverse().point(&Point3::new(x, y, height)))
             }
         }
     }

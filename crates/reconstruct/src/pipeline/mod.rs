@@ -5,23 +5,24 @@ mod focal;
 mod given;
 mod matcher;
 mod shading;
+mod surface;
 
 use crate::evidence::{FocalKnowledge, FocalSource, PoseSource, Warning};
 use crate::learned::{self, LearnedInput, LearnedOptions, Solved};
 use crate::matches_file::GivenMatches;
-use crate::matching::Match;
 use crate::prediction::NoPose;
-use crate::priors::{self, Priors};
+use crate::priors::Priors;
 use crate::relative_pose::{Counts, JudgedMatch, OrbOptions, SiftOptions};
 use crate::scale::{Placement, ScaleSource};
-use crate::shading::{Shaded, ShadingOptions};
-use crate::stereo::{self, Completion, StereoOptions};
-use crate::{Error, PredictedView, Prediction, View, triangulate};
+use crate::shading::ShadingOptions;
+use crate::stereo::{Completion, StereoOptions};
+use crate::{Error, Prediction, View, triangulate};
 use given::Start;
 use matcher::Matcher;
 use selenograph_geometry::Camera;
 use selenograph_pose::relative::CannotSay;
 use serde::{Deserialize, Serialize};
+pub use surface::{ShadedSurface, ShadingOutcome, ShadingUse};
 
 /// How pose and points are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
@@ -39,8 +40,8 @@ pub enum Method {
     Mast3r,
     /// The matches of such a network in place of features, then a point per pixel as `stereo`
     Mast3rStereo,
-    /// Stereo and shading: one surface whose renderings equal the pictures, under one Sun or two; the matches are SIFT's, or the
-    /// network's where those tell no pose
+    /// `stereo` with shading in any case: one surface whose renderings equal the pictures, under one Sun or two; the matches are SIFT's,
+    /// or the network's where those tell no pose
     Fused,
 }
 
@@ -115,7 +116,9 @@ pub struct Options {
     pub stereo: StereoOptions,
     /// What follows from a network's arrays.
     pub learned: LearnedOptions,
-    /// Shading, for the method `fused`.
+    /// Whether shading joins dense stereo.
+    pub shading_use: ShadingUse,
+    /// Shading, where it does.
     pub shading: ShadingOptions,
 }
 
@@ -130,12 +133,26 @@ impl Default for Options {
             sift: SiftOptions::default(),
             stereo: StereoOptions { completion: Completion::None, ..StereoOptions::default() },
             learned: LearnedOptions::default(),
+            shading_use: ShadingUse::default(),
             shading: ShadingOptions::default(),
         }
     }
 }
 
 impl Options {
+    /// Whether shading takes part: the one place where method and choice come together.
+    pub fn shading_use(&self, priors: &Priors) -> ShadingUse {
+        let asked = match self.method {
+            Method::Fused => ShadingUse::On,
+            Method::Stereo | Method::Mast3rStereo => self.shading_use,
+            Method::Orb | Method::Sift | Method::Mast3r => ShadingUse::Off,
+        };
+        match asked {
+            ShadingUse::Auto if priors.suns.iter().any(Option::is_none) => ShadingUse::Off,
+            asked => asked,
+        }
+    }
+
     /// With one seed for every random sample.
     #[must_use]
     pub fn seeded(mut self, seed: u64) -> Self {
@@ -179,7 +196,7 @@ impl Stage {
 pub struct Input<'a> {
     /// Both pictures with their cameras.
     pub views: [&'a View; 2],
-    /// What a network says of them: for the methods that need it.
+    /// What a network says of them: for the methods that need it; with shading its matches are taken where features tell nothing.
     pub learned: Option<&'a LearnedInput>,
     /// Matches of any matcher in place of features, for the methods `sift` and `stereo`.
     pub matches: Option<&'a GivenMatches>,
@@ -202,10 +219,19 @@ pub struct Reconstruction {
     pub cameras: [Camera; 2],
     /// Where their focal lengths come from.
     pub focal: FocalSource,
+    /// What shading did.
+    pub shading: ShadingOutcome,
     /// What must be said.
     pub warnings: Vec<Warning>,
-    /// The surface that explains the pictures' shading, where the points are its.
-    pub shaded: Option<Box<Shaded>>,
+}
+
+/// Whether features have left open what a network's matches may tell: no pose, or none with which a surface explains the pictures. Features
+/// are of light and shade: two Suns take both away.
+pub fn features_fail(found: Result<&ShadingOutcome, &Error>) -> bool {
+    match found {
+        Ok(shading) => matches!(shading, ShadingOutcome::LeftOut(_)),
+        Err(error) => matches!(error, Error::CannotSay(_) | Error::NotShaded(_)),
+    }
 }
 
 /// Reconstructs what two pictures show.
@@ -215,7 +241,8 @@ pub struct Reconstruction {
 /// # Errors
 /// [`Error::NoNetworkOutput`] for a method that needs it; [`Error::Value`] for given matches with a method that does not take them; [`Error::SizeMismatch`] for a camera or a pointmap of another size than its
 /// picture; those of the scale source. Unless incomplete answers are kept: [`Error::CannotSay`] where the pictures do not tell a
-/// relative pose (too little in common, no parallax) and one is asked for, and those of dense stereo.
+/// relative pose (too little in common, no parallax) and one is asked for, [`Error::NotShaded`] where shading must carry the answer under
+/// two Suns and does not, and those of dense stereo.
 pub fn reconstruct(
     input: &Input<'_>,
     priors: &Priors,
@@ -248,11 +275,15 @@ pub fn reconstruct(
         }
     };
     let mut found = from_pictures(input.views, matcher, priors, options, &mut progress);
-    // Features are of light and shade: under two Suns they may tell nothing where a network's matches do.
-    let in_place = input.learned.filter(|_| options.method == Method::Fused && input.matches.is_none());
-    if let (Err(Error::CannotSay(_)), Some(said)) = (&found, in_place) {
+    let is_shaded = options.shading_use(priors) != ShadingUse::Off;
+    let in_place = input.learned.filter(|_| matches!(matcher, Matcher::Sift) && is_shaded);
+    if let (true, Some(said)) = (features_fail(found.as_ref().map(|found| &found.shading)), in_place) {
         let matcher = Matcher::Given(&said.learned.matches, said.learned.grain);
-        found = from_pictures(input.views, matcher, priors, options, &mut progress);
+        let second = from_pictures(input.views, matcher, priors, options, &mut progress);
+        let is_used = matches!(&second, Ok(found) if matches!(found.shading, ShadingOutcome::Used(_)));
+        if is_used || found.is_err() {
+            found = second;
+        }
     }
     let found = match found {
         Err(Error::CannotSay(why)) if options.incomplete == Incomplete::Keep => {
@@ -285,8 +316,8 @@ struct Unplaced {
     counts: Counts,
     cameras: [Camera; 2],
     focal: FocalSource,
+    shading: ShadingOutcome,
     warnings: Vec<Warning>,
-    shaded: Option<Box<Shaded>>,
 }
 
 impl Unplaced {
@@ -298,13 +329,13 @@ impl Unplaced {
             counts: Counts::default(),
             cameras,
             focal: FocalSource::Known,
+            shading: ShadingOutcome::NotAsked,
             warnings: Vec::new(),
-            shaded: None,
         }
     }
 
     fn placed(self, priors: &Priors, mut progress: impl FnMut(Stage)) -> Result<Reconstruction, Error> {
-        let Self { prediction, pose, matches, counts, cameras, focal, mut warnings, shaded } = self;
+        let Self { prediction, pose, matches, counts, cameras, focal, shading, mut warnings } = self;
         progress(Stage::Placement);
         let placement = priors.place(&prediction)?;
         warnings.extend(disagreements(priors, &prediction, &placement));
@@ -314,7 +345,7 @@ impl Unplaced {
                 Err(_) => Warning::NetworkUnit,
             });
         }
-        Ok(Reconstruction { prediction, pose, matches, counts, placement, cameras, focal, warnings, shaded })
+        Ok(Reconstruction { prediction, pose, matches, counts, placement, cameras, focal, shading, warnings })
     }
 }
 
@@ -365,8 +396,8 @@ fn from_arrays(said: &LearnedInput, priors: &Priors, options: &Options) -> Resul
         counts,
         cameras: cameras.clone(),
         focal: *focal,
+        shading: ShadingOutcome::NotAsked,
         warnings,
-        shaded: None,
     })
 }
 
@@ -394,68 +425,24 @@ fn from_pictures(
         None => matcher.pose(&a, &b, &options.sift)?.into(),
     };
     warnings.extend(start.source.warning());
-    let pose = &start.cam_b_from_cam_a;
-    let mut found = None;
+    let mut shading = ShadingOutcome::NotAsked;
     let views = match (options.wanted, options.method) {
         (Wanted::Pose, _) => None,
         (Wanted::Points, Method::Orb | Method::Sift) => {
-            Some(triangulate::matched([&a.camera, &b.camera], pose, &start.matches))
+            Some(triangulate::matched([&a.camera, &b.camera], &start.cam_b_from_cam_a, &start.matches))
         }
-        (Wanted::Points, Method::Stereo | Method::Mast3r | Method::Mast3rStereo) => {
-            progress(Stage::Dense);
-            match dense(&a, &b, &start, &options.stereo) {
-                Ok(views) => Some(views),
-                // The pose stands; its pixels have no answer and count as such.
-                Err(_) if options.incomplete == Incomplete::Keep => None,
-                Err(why) => return Err(why.into()),
-            }
-        }
-        (Wanted::Points, Method::Fused) => {
-            let [a, b] = [&a, &b];
-            let same_sun = priors::same_sun(&priors.suns, pose);
-            let by_stereo = |stereo: &StereoOptions| match same_sun {
-                false => Ok(None),
-                true => match dense(a, b, &start, stereo) {
-                    Ok(views) => Ok(Some(views)),
-                    Err(_) if options.incomplete == Incomplete::Keep => Ok(None),
-                    Err(why) => Err(why),
-                },
-            };
-            // The surface goes on beyond what stereo measures, and must start near the ground there.
-            let everywhere = StereoOptions { completion: Completion::Everywhere, ..options.stereo.clone() };
-            if same_sun {
-                progress(Stage::Dense);
-            }
-            let begun = by_stereo(&everywhere)?;
-            progress(Stage::Shading);
-            match shading::shaded([a, b], &start, begun.as_ref(), priors, &options.shading) {
-                Ok(shaded) => {
-                    let views = [shaded.view(0, a), shaded.view(1, b)];
-                    found = Some(Box::new(shaded));
-                    Some(views)
-                }
-                Err(why) => {
-                    warnings.push(why);
-                    by_stereo(&options.stereo)?
-                }
-            }
+        (Wanted::Points, Method::Stereo | Method::Mast3r | Method::Mast3rStereo | Method::Fused) => {
+            let found = surface::points([&a, &b], &start, priors, options, progress)?;
+            shading = found.shading;
+            found.views
         }
     };
-    let Start { cam_b_from_cam_a, source, matches, counts } = start;
-    let cam_b_from_cam_a =
-        found.as_ref().map_or(cam_b_from_cam_a, |shaded| shaded.pictures[1].cam_from_scene.relabel());
+    let Start { mut cam_b_from_cam_a, source, matches, counts } = start;
+    match &shading {
+        ShadingOutcome::Used(used) => cam_b_from_cam_a = used.shaded.pictures[1].cam_from_scene.relabel(),
+        ShadingOutcome::LeftOut(why) => warnings.push(why.clone()),
+        ShadingOutcome::NotAsked => {}
+    }
     let prediction = Prediction { cam_b_from_cam_a: Ok(cam_b_from_cam_a), views };
-    Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, warnings, shaded: found })
-}
-
-/// A point per pixel.
-fn dense(
-    a: &View,
-    b: &View,
-    start: &Start,
-    options: &StereoOptions,
-) -> Result<[PredictedView; 2], stereo::Error> {
-    let inliers = start.matches.iter().filter(|m| m.inlier);
-    let seeds: Vec<Match> = inliers.map(|m| Match { a: m.a, b: m.b, score: 0.0 }).collect();
-    Ok(stereo::dense(a, b, &start.cam_b_from_cam_a, &seeds, options)?.to_points(a, b))
+    Ok(Unplaced { prediction, pose: source, matches, counts, cameras, focal, shading, warnings })
 }

@@ -2,6 +2,7 @@
 
 use crate::relative_pose::JudgedMatch;
 use crate::scale::Placement;
+use crate::shading::Shaded;
 use crate::{Prediction, View};
 
 /// What the products are made of.
@@ -15,4 +16,6 @@ pub struct ProductInput<'a> {
     pub placement: &'a Placement,
     /// Matches, where the method has any.
     pub matches: Option<&'a [JudgedMatch]>,
+    /// The surface of shading, where the points are its.
+    pub shaded: Option<&'a Shaded>,
 }

@@ -5,10 +5,12 @@
 
 mod arrays;
 mod input;
+mod shading;
 mod tif;
 mod transform;
 
 pub use input::ProductInput;
+pub use shading::{ALBEDO_NAME, CellLayer, OF_PICTURES};
 
 use crate::Error;
 use crate::cloud::{self, Cloud, CloudOptions};
@@ -75,6 +77,8 @@ pub struct Products {
     pub hazard: HazardMap,
     /// Both views' points.
     pub cloud: Cloud,
+    /// What shading tells of the cells; none where it took no part.
+    pub layers: Vec<CellLayer>,
     /// The number that the files of rasters of floats hold where they are absent; NaN if `None`.
     pub nodata: Option<f32>,
     /// What `products.json` says.
@@ -175,8 +179,9 @@ pub fn make(input: &ProductInput, options: &ProductOptions) -> Result<Products, 
         || rayon::join(|| shade(&dem, options), || hazard::hazard(&dem, &options.hazard)),
     );
     let (cloud, hazard, (slope_rad, hillshade)) = (cloud?, hazard?, shaded);
+    let layers = input.shaded.map_or_else(Vec::new, |shaded| shading::layers(shaded, &dem));
     let summary = summarise(input, options, &dem, &slope_rad, &hazard, &cloud, &lifted);
-    Ok(Products { dem, slope_rad, hillshade, hazard, cloud, nodata: options.nodata, summary })
+    Ok(Products { dem, slope_rad, hillshade, hazard, cloud, layers, nodata: options.nodata, summary })
 }
 
 /// Makes everything and writes it into `folder`, which is made if it is not there.
@@ -188,17 +193,21 @@ pub fn write(folder: &Path, input: &ProductInput, options: &ProductOptions) -> R
     std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
     // The longest first, one at a time per thread.
     let tasks: Vec<Task> = tasks(input);
-    let written: Result<Vec<WrittenFile>, Error> = tasks
-        .par_iter()
-        .with_max_len(1)
-        .map(|task| {
-            (task.write)(&folder.join(task.name), input, &products)?;
-            let path = folder.join(task.name);
-            let bytes = std::fs::metadata(&path).map_err(Error::io("read", &path))?.len();
-            Ok(WrittenFile { name: task.name.to_owned(), bytes })
-        })
-        .collect();
-    products.summary.files = written?;
+    let written = |name: &str| -> Result<WrittenFile, Error> {
+        let path = folder.join(name);
+        let bytes = std::fs::metadata(&path).map_err(Error::io("read", &path))?.len();
+        Ok(WrittenFile { name: name.to_owned(), bytes })
+    };
+    let of_tasks = tasks.par_iter().with_max_len(1).map(|task| {
+        (task.write)(&folder.join(task.name), input, &products)?;
+        written(task.name)
+    });
+    let of_layers = products.layers.par_iter().with_max_len(1).map(|layer| {
+        tif::write(&folder.join(layer.file), &products, &layer.values, layer.name, "")?;
+        written(layer.file)
+    });
+    let files: Result<Vec<WrittenFile>, Error> = of_tasks.chain(of_layers).collect();
+    products.summary.files = files?;
     products.summary.files.sort_by(|a, b| a.name.cmp(&b.name));
     let text = serde_json::to_string_pretty(&products.summary).map_err(|e| Error::Format {
         path: folder.join(SUMMARY_NAME),
@@ -268,8 +277,8 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     Ok(selenograph_files::write(path, bytes)?)
 }
 
-/// Slope and hillshade.
-fn shade(dem: &Dem, options: &ProductOptions) -> (Raster<f32>, Raster<f32>) {
+/// Slope (radians) by Horn's kernel, and hillshade under the light of the options.
+pub fn shade(dem: &Dem, options: &ProductOptions) -> (Raster<f32>, Raster<f32>) {
     let gradient = gradient::horn(&dem.heights, dem.ground_cell());
     let light = [options.light_azimuth_deg.to_radians(), options.light_elevation_deg.to_radians()];
     (gradient.slope_rad(), gradient.hillshade(light[0], light[1]))

@@ -68,6 +68,7 @@ fn every_file_is_there_and_can_be_read() {
             prediction: &prediction,
             placement: &placement,
             matches: Some(&matches),
+            shaded: None,
         };
         let products = write(&folder, &input, &ProductOptions::default()).unwrap();
         let text = std::fs::read(folder.join(SUMMARY_NAME)).unwrap();
@@ -116,8 +117,13 @@ fn pointmaps_are_in_metres_where_the_scale_is_known() {
     let (prediction, view) = prediction();
     let baseline = Some(KnownLength { metres: 200.0, sigma_m: 2.0 });
     let placement = Priors { baseline, ..Priors::default() }.place(&prediction).unwrap();
-    let input =
-        ProductInput { views: [&view, &view], prediction: &prediction, placement: &placement, matches: None };
+    let input = ProductInput {
+        views: [&view, &view],
+        prediction: &prediction,
+        placement: &placement,
+        matches: None,
+        shaded: None,
+    };
     let bytes = arrays::pointmaps(&input).unwrap();
     let arrays = npz::decode(&bytes, Path::new("memory")).unwrap();
     assert_eq!(arrays["pts3d_a"].shape, [40, 48, 3]);
@@ -136,8 +142,13 @@ fn a_prediction_without_points_writes_nothing() {
     let (prediction, view) = prediction();
     let empty = Prediction { views: None, ..prediction };
     let placement = Priors::default().place(&empty).unwrap();
-    let input =
-        ProductInput { views: [&view, &view], prediction: &empty, placement: &placement, matches: None };
+    let input = ProductInput {
+        views: [&view, &view],
+        prediction: &empty,
+        placement: &placement,
+        matches: None,
+        shaded: None,
+    };
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("out");
     assert!(matches!(write(&folder, &input, &ProductOptions::default()), Err(Error::TooFewPoints { .. })));

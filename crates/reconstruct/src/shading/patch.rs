@@ -143,6 +143,11 @@ impl Patch {
         self.point(self.sight.position(place).map(f64::from))
     }
 
+    /// Column and row, in cells, of the line that a point of the scene lies on, and its height there.
+    pub fn place(&self, point: &Vector3<f64>) -> [f32; 3] {
+        self.sight.place(self.position(point).map(|c| c as f32))
+    }
+
     /// The point of the scene at a position.
     pub fn point(&self, position: [f64; 3]) -> Vector3<f64> {
         let [u, v, n] = self.axes;

@@ -76,6 +76,6 @@ impl Sharpened<'_> {
     }
 
     fn place(&self, point: &Vector3<f64>) -> [f32; 3] {
-        self.patch.sight.place(self.patch.position(point).map(|c| c as f32))
+        self.patch.place(point)
     }
 }

@@ -7,7 +7,6 @@ use crate::exit::refuse;
 use selenograph_geometry::{Body, BodyFixed, CamA, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::dem::OpenOptions;
 use selenograph_reconstruct::camera_file::{self, CameraFile, PictureSize, WorldPose};
-use selenograph_reconstruct::pipeline::Method;
 use selenograph_reconstruct::priors::{KnownLength, KnownPose, Priors, between};
 use selenograph_reconstruct::scale::dem::DemPatch;
 use selenograph_reconstruct::scale::points::KnownPoints;
@@ -39,12 +38,16 @@ pub struct Summary {
     pub sun_b: Option<SunRecord>,
 }
 
-/// Everything that is known; the Suns also from the pictures' own files, for the method that looks at shading.
+/// Everything that is known; with `suns_of_files` the Suns also from the pictures' own files, where shading is looked at.
 ///
 /// # Errors
 /// Files that are no poses, elevation models or points; poses of different worlds; a source of size that is not there; a Sun or
 /// time that needs a place, or does not light it.
-pub fn priors(known: &Known, method: Method, pictures: &Pictures) -> anyhow::Result<(Priors, Summary, Suns)> {
+pub fn priors(
+    known: &Known,
+    suns_of_files: bool,
+    pictures: &Pictures,
+) -> anyhow::Result<(Priors, Summary, Suns)> {
     let sizes = pictures.sizes();
     let places = [0, 1].map(|k| PictureSize::new(sizes[k][0], sizes[k][1]).at(&pictures.paths[k]));
     let mut priors = Priors {
@@ -74,7 +77,7 @@ pub fn priors(known: &Known, method: Method, pictures: &Pictures) -> anyhow::Res
     } else if let Some(up) = known.up_in_cam_a {
         priors.world = World::Level(Rigid3::new(level(&Vector3::from(up)), Point3::origin()));
     }
-    let suns = suns::find(known, &priors, &pictures.paths, method == Method::Fused)?;
+    let suns = suns::find(known, &priors, &pictures.paths, suns_of_files)?;
     priors.suns = suns.known;
     [summary.sun_a, summary.sun_b] = suns.records.clone();
     summary.relative_pose = priors.cam_b_from_cam_a.is_some();

@@ -7,12 +7,13 @@ mod pose_file;
 mod reference;
 mod report;
 mod scene;
+mod shading;
 mod suns;
 
 use super::clock::instant;
 use super::data_check::convention;
 use super::network;
-use super::run_record::{NO_OUTCOME, write_record};
+use super::run_record::write_record;
 use crate::args::reconstruct::{ProductChoice, Reconstruct};
 use crate::exit::{Outcome, refuse};
 use crate::ui::Ui;
@@ -23,9 +24,11 @@ use selenograph_pose::relative::CannotSay as Why;
 use selenograph_reconstruct::evidence::FocalKnowledge;
 use selenograph_reconstruct::grid::{Completed, GridOptions};
 use selenograph_reconstruct::hazard::HazardOptions;
-use selenograph_reconstruct::learned::LearnedOptions;
+use selenograph_reconstruct::learned::{LearnedInput, LearnedOptions};
 use selenograph_reconstruct::matches_file::GivenMatches;
-use selenograph_reconstruct::pipeline::{self, Input, Method, Options, Reconstruction, Stage};
+use selenograph_reconstruct::pipeline::{
+    self, Input, Options, Reconstruction, ShadingOutcome, ShadingUse, Stage, features_fail,
+};
 use selenograph_reconstruct::products::{self, ProductInput, ProductOptions, Products};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 use serde::Serialize;
@@ -59,6 +62,11 @@ pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
         "hillshade.tif",
         "hazard.tif",
         "hazard.tif.aux.xml",
+        "albedo.tif",
+        "model_a.tif",
+        "model_b.tif",
+        "residual_a.tif",
+        "residual_b.tif",
     ],
     parts: &[],
 };
@@ -88,7 +96,17 @@ struct Answer {
     sun_a: Option<SunRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sun_b: Option<SunRecord>,
+    /// Absent where nobody asked for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shading: Option<shading::Record>,
     warnings: Vec<String>,
+}
+
+/// What came of it, in `run.toml`.
+#[derive(Serialize)]
+struct RunOutcome<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shading: Option<&'a shading::Record>,
 }
 
 /// Reconstructs and writes a folder; nothing is left behind where no answer can be given.
@@ -96,11 +114,10 @@ struct Answer {
 /// # Errors
 /// Pictures, cameras or priors that cannot be read or contradict each other; a pair that cannot tell; a target that cannot be written.
 pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
-    // Of `fused` it is decided when its Suns are known.
-    let mut network = match args.method {
-        Method::Fused => None,
-        method => network_choice(args, method.needs_network())?,
-    };
+    let asked = shading::asked(args)?;
+    // With shading it is decided when the Suns are known.
+    let is_settled = args.method.needs_network() || asked == ShadingUse::Off;
+    let network = if is_settled { network_choice(args, args.method.needs_network())? } else { None };
     if args.matches.is_some() && !args.method.takes_matches() {
         return Err(refuse(
             format!("--matches is for the methods `stereo` and `sift`, not `{}`", args.method.as_str()),
@@ -109,38 +126,47 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
     }
     let draft = args.target.folder(&RECONSTRUCTION)?;
     let mut pictures = ui.timed("read pictures", || inputs::read(args))?;
-    let (priors, known, suns) =
-        ui.timed("read what is known", || known::priors(&args.known, args.method, &pictures))?;
-    for note in &suns.notes {
-        ui.note(&format!("note: {note}"));
-    }
-    if args.method == Method::Fused {
-        suns.both()?;
-        suns.sentences().for_each(|sentence| ui.note(&sentence));
-        // Features have nothing in common under two Suns; a network's matches may.
-        network = network_choice(args, priors.may_be_two_suns() && args.matches.is_none())?;
-    }
+    let (priors, known, mut suns) =
+        ui.timed("read what is known", || known::priors(&args.known, asked != ShadingUse::Off, &pictures))?;
+    let why_not = shading::settle(args, asked, &mut suns, ui)?;
+    let options = options(args, asked, &pictures);
+    // Features have little in common under two Suns; a network's matches may.
+    let two_suns = options.shading_use(&priors) != ShadingUse::Off && priors.may_be_two_suns();
+    let standby = match is_settled {
+        true => None,
+        false => network_choice(args, two_suns && args.matches.is_none())?,
+    };
     let reference = Reference::read(args, &priors)?;
-    let options = options(args, &pictures);
     let product_options = product_options(&args.products, args.complete);
     for note in &pictures.notes {
         ui.note(&format!("note: {note}"));
     }
     let matches = matches(args, &pictures, ui)?;
-    let (said, network) = match network {
-        Some(choice) => {
-            let checkpoint = choice.open(args, &pictures, ui)?;
-            if args.network.dry_run {
-                return Ok(Outcome::Done);
-            }
-            let (said, record) = choice.ask(&checkpoint, &mut pictures, ui)?;
-            (Some(said), Some(record))
-        }
-        None => (None, None),
+    if let (true, Some(choice)) = (args.network.dry_run, network.as_ref().or(standby.as_ref())) {
+        choice.open(args, &pictures, ui)?;
+        return Ok(Outcome::Done);
+    }
+    let ask = |choice: network_choice::Choice, pictures: &mut Pictures| {
+        let checkpoint = choice.open(args, pictures, ui)?;
+        choice.ask(&checkpoint, pictures, ui)
     };
-    let input = Input { views: pictures.views.each_ref(), learned: said.as_ref(), matches: matches.as_ref() };
-    let mut found = with_stages(ui, |progress| pipeline::reconstruct(&input, &priors, &options, progress))
-        .map_err(|error| with_network_in_mind(error, args.method))?;
+    let solve = |pictures: &Pictures, said: Option<&LearnedInput>, options: &Options| {
+        let input = Input { views: pictures.views.each_ref(), learned: said, matches: matches.as_ref() };
+        with_stages(ui, |progress| pipeline::reconstruct(&input, &priors, options, progress))
+    };
+    let (said, mut network) = network.map(|choice| ask(choice, &mut pictures)).transpose()?.unzip();
+    let mut found = solve(&pictures, said.as_ref(), &options);
+    let open = features_fail(found.as_ref().map(|found| &found.shading));
+    if let Some(choice) = standby.filter(|_| open) {
+        ui.note(&format!("note: features tell too little ({}): the network is asked", why_open(&found)));
+        let (said, record) = ask(choice, &mut pictures)?;
+        let second = solve(&pictures, Some(&said), &shading::by_network(&options, asked));
+        if found.is_err() || second.as_ref().is_ok_and(|second| second.shading.used().is_some()) {
+            found = second;
+        }
+        network = Some(record);
+    }
+    let mut found = found.map_err(|error| with_network_in_mind(error, network.is_some()))?;
     if let Some(told) = pictures.told {
         found.focal = told;
         found.warnings.extend(told.warning());
@@ -164,6 +190,7 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         },
         sun_a: known.sun_a.clone(),
         sun_b: known.sun_b.clone(),
+        shading: shading::Record::new(asked, why_not, &found, &priors),
         warnings: found.warnings.iter().map(ToString::to_string).chain(suns.notes).collect(),
     };
     write(folder, "reconstruction.json", &(serde_json::to_string_pretty(&answer)? + "\n"))?;
@@ -175,10 +202,21 @@ pub fn run(args: &Reconstruct, ui: &Ui) -> anyhow::Result<Outcome> {
         cameras: inputs::CameraSummary::new(&found),
     };
     let read: Vec<PathBuf> = args.files().into_iter().chain(suns.files).collect();
-    let run_toml = write_record(folder, RECONSTRUCTION.command, &read, &settings, NO_OUTCOME)?;
+    let outcome = RunOutcome { shading: answer.shading.as_ref() };
+    let outcome = answer.shading.as_ref().map(|_| &outcome);
+    let run_toml = write_record(folder, RECONSTRUCTION.command, &read, &settings, outcome)?;
     if !args.products.no_report {
         let page = ui.timed("report", || {
-            report::page(&pictures, &found, &made, pose.as_ref(), answer.reference.as_ref(), &run_toml)
+            report::page(&report::Contents {
+                pictures: &pictures,
+                found: &found,
+                made: &made,
+                pose: pose.as_ref(),
+                reference: answer.reference.as_ref(),
+                shading: answer.shading.as_ref(),
+                options: &product_options,
+                run_toml: &run_toml,
+            })
         })?;
         write(folder, "report.html", &page)?;
     }
@@ -211,19 +249,28 @@ fn matches(args: &Reconstruct, pictures: &Pictures, ui: &Ui) -> anyhow::Result<O
     Ok(Some(given))
 }
 
+/// What features left open.
+fn why_open(found: &Result<Reconstruction, selenograph_reconstruct::Error>) -> String {
+    match found {
+        Err(error) => error.to_string(),
+        Ok(found) => match &found.shading {
+            ShadingOutcome::LeftOut(why) => why.to_string(),
+            ShadingOutcome::Used(_) | ShadingOutcome::NotAsked => String::new(),
+        },
+    }
+}
+
 /// Features are of light and shade: under another Sun they have nothing in common, and a network's matches may.
-fn with_network_in_mind(error: selenograph_reconstruct::Error, method: Method) -> anyhow::Error {
+fn with_network_in_mind(error: selenograph_reconstruct::Error, is_asked: bool) -> anyhow::Error {
     use selenograph_reconstruct::Error::CannotSay;
     match &error {
-        CannotSay(why @ (Why::TooFewMatches { .. } | Why::NoConsensus { .. })) if !method.needs_network() => {
-            refuse(
-                error.to_string(),
-                format!(
-                    "{}; if the Sun stood elsewhere in one of them, try `--method mast3r --points-from triangulated`",
-                    why.hint()
-                ),
-            )
-        }
+        CannotSay(why @ (Why::TooFewMatches { .. } | Why::NoConsensus { .. })) if !is_asked => refuse(
+            error.to_string(),
+            format!(
+                "{}; if the Sun stood elsewhere in one of them, give both Suns (--sun-a, --sun-b), or try `--method mast3r --points-from triangulated`",
+                why.hint()
+            ),
+        ),
         _ => error.into(),
     }
 }
@@ -232,10 +279,11 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<(), selenograph_files:
     selenograph_files::write(&folder.join(name), text)
 }
 
-fn options(args: &Reconstruct, pictures: &Pictures) -> Options {
+fn options(args: &Reconstruct, shading_use: ShadingUse, pictures: &Pictures) -> Options {
     let usual = Options::default();
     Options {
         method: args.method,
+        shading_use,
         focal: if pictures.camera_known { FocalKnowledge::Known } else { FocalKnowledge::Guessed },
         stereo: StereoOptions { completion: completion(args), ..usual.stereo },
         learned: LearnedOptions {
@@ -285,6 +333,7 @@ fn write_products(
         prediction: &found.prediction,
         placement: &found.placement,
         matches: Some(&found.matches),
+        shaded: found.shading.used().map(|used| &used.shaded),
     };
     Ok(products::write(folder, &input, options)?)
 }

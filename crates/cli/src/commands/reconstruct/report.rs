@@ -2,17 +2,20 @@
 
 mod maps;
 mod residuals;
+mod shading;
 
 use super::inputs::Pictures;
 use super::pose_file::PoseRecord;
 use super::reference;
+use super::shading::Record as ShadingRecord;
+use crate::commands::figures::{HALF, name_of, shrunk};
 use maps::{frame_words, hazard_table, hazards, terrain, what_would_tell};
 use selenograph_geometry::Point3;
 use selenograph_raster::colormap::Colormap;
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::Fill;
 use selenograph_reconstruct::pipeline::Reconstruction;
-use selenograph_reconstruct::products::Products;
+use selenograph_reconstruct::products::{ProductOptions, Products};
 use selenograph_report::chart::{Profile, profile};
 use selenograph_report::color::{VIEW_1, VIEW_2};
 use selenograph_report::figure::{ColorBar, Line, Panel, side_by_side};
@@ -21,23 +24,24 @@ use selenograph_report::{Axis, Figure, Page, Picture, Point, PointView, Table};
 
 /// Lines between the pictures: more hide them.
 const MAX_LINES: usize = 300;
-/// Longest side of a map in the page, pixels: the files beside it have the full size.
-const MAX_SIDE: usize = 1024;
-/// Width of one of two figures in a row, CSS pixels.
-const HALF: f64 = 400.0;
+/// What the page is made of.
+pub struct Contents<'a> {
+    pub pictures: &'a Pictures,
+    pub found: &'a Reconstruction,
+    pub made: &'a Products,
+    pub pose: Option<&'a PoseRecord>,
+    pub reference: Option<&'a reference::Record>,
+    pub shading: Option<&'a ShadingRecord>,
+    pub options: &'a ProductOptions,
+    pub run_toml: &'a str,
+}
 
 /// Everything on one page.
 ///
 /// # Errors
 /// Pictures that cannot be encoded.
-pub fn page(
-    pictures: &Pictures,
-    found: &Reconstruction,
-    made: &Products,
-    pose: Option<&PoseRecord>,
-    reference: Option<&reference::Record>,
-    run_toml: &str,
-) -> anyhow::Result<String> {
+pub fn page(contents: &Contents<'_>) -> anyhow::Result<String> {
+    let Contents { pictures, found, made, pose, reference, shading, options, run_toml } = *contents;
     let names = pictures.paths.each_ref().map(|path| name_of(path));
     let mut page = Page::new(format!("Terrain from {} and {}", names[0], names[1]));
     page.lead(&pose.map_or_else(|| "There is no relative pose.".to_owned(), PoseRecord::sentence));
@@ -51,6 +55,10 @@ pub fn page(
     if let Some(reference) = reference {
         page.section("Against the reference").paragraph(&residuals::sentence(reference));
         page.figure(&residuals::by_slope(reference)).table(&residuals::shares(reference)?);
+    }
+    if let (Some(used), Some([a, b])) = (found.shading.used(), shading.and_then(ShadingRecord::pictures)) {
+        let section = shading::Section { used, records: [a, b], names: &names, found, made, options, unit };
+        section.add_to(&mut page)?;
     }
     page.section("Points").points(&cloud(made, unit), "Every measured point");
     page.section("Hazards").figure(&hazards(made, unit)?).table(&hazard_table(made, unit)?);
@@ -105,10 +113,6 @@ fn unit_of(found: &Reconstruction) -> &'static str {
         (false, Ok(_)) => "baselines",
         (false, Err(_)) => "units",
     }
-}
-
-fn name_of(path: &std::path::Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Numbers in words; what an answer does not have is left out.
@@ -178,14 +182,6 @@ fn photo(image: &Raster<f32>) -> anyhow::Result<Picture> {
     let levels = image.data.iter().step_by((image.data.len() / 100_000).max(1)).map(|v| f64::from(*v));
     let [low, high] = statistics::quantiles(levels, [0.001, 0.999]).unwrap_or([0.0, 1.0]);
     Ok(Picture::photo(&shrunk(&Colormap::Grey.paint(image, low, high)))?)
-}
-
-/// Every so many pixels of a picture that is too large for a page.
-fn shrunk<T: Copy>(raster: &Raster<T>) -> Raster<T> {
-    let step = raster.width.max(raster.height).div_ceil(MAX_SIDE).max(1);
-    Raster::from_fn(raster.width.div_ceil(step), raster.height.div_ceil(step), |x, y| {
-        raster[(x * step, y * step)]
-    })
 }
 
 fn matches(pictures: &Pictures, found: &Reconstruction, names: [&str; 2]) -> anyhow::Result<Figure> {

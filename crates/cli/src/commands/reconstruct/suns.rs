@@ -209,13 +209,10 @@ impl Suns {
         self.notes.push(why);
     }
 
-    /// Both are needed.
-    ///
-    /// # Errors
-    /// A Sun that nothing tells.
-    pub fn both(&self) -> anyhow::Result<()> {
+    /// Which is not known, and why the pictures' own files do not tell it; `None` where both are.
+    pub fn missing(&self) -> Option<String> {
         let missing = match &self.known {
-            [Some(_), Some(_)] => return Ok(()),
+            [Some(_), Some(_)] => return None,
             [None, None] => "no Sun is given",
             [None, Some(_)] => "the Sun of the first picture is not known",
             [Some(_), None] => "the Sun of the second picture is not known",
@@ -223,11 +220,26 @@ impl Suns {
         let reasons = self.known.iter().zip(&self.why_not).filter(|(known, _)| known.is_none());
         let why = reasons.filter_map(|(_, why)| why.as_deref()).next();
         let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+        Some(format!("{missing}{why}"))
+    }
+
+    /// Both are needed by what the command line asks for.
+    ///
+    /// # Errors
+    /// A Sun that nothing tells.
+    pub fn both(&self, asked: &str) -> anyhow::Result<()> {
+        let Some(missing) = self.missing() else { return Ok(()) };
         Err(refuse(
-            format!("--method fused looks at shading, and {missing}{why}"),
+            format!("{asked} looks at shading, and {missing}"),
             "give --sun-a and --sun-b (AZ,EL or X,Y,Z), or --time-a and --time-b (UTC) with --world-from-cam-a; labels that state a time or the \
              point below the Sun tell theirs with it, pictures in a pair folder of ours or of triplets by themselves; or take --method stereo",
         ))
+    }
+
+    /// Leaves out what the pictures' own files tell of Suns that are of no use.
+    pub fn without_files(&mut self) {
+        let why_not = &self.why_not;
+        self.notes.retain(|note| !why_not.iter().flatten().any(|why| why == note));
     }
 
     /// What was found, in sentences.

@@ -4,6 +4,7 @@ mod inputs;
 mod products;
 mod report;
 
+use super::figures::rms;
 use super::reading;
 use super::render::law;
 use super::run_record::write_record;
@@ -147,20 +148,14 @@ fn answer(args: &Refine, pictures: &Pictures, refined: &Refined) -> Answer {
         .map(|i| f64::from(refined.change.data[i]))
         .filter(|change| change.is_finite())
         .collect();
-    let rms =
-        |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt();
     let shaded = &refined.shaded;
     let of_pictures = shaded.pictures.iter().zip(&refined.octaves).zip(&shaded.compared).zip(&pictures.paths);
-    let of_pictures = of_pictures.map(|(((explained, octaves), compared), path)| {
-        let residuals: Vec<f64> =
-            compared.residual().data.iter().filter(|r| r.is_finite()).map(|r| f64::from(*r)).collect();
-        PictureAnswer {
-            picture: path.display().to_string(),
-            octaves: octaves.clone(),
-            correlation: explained.correlation,
-            residual_rms: rms(&residuals),
-            lit_share: explained.lit_share,
-        }
+    let of_pictures = of_pictures.map(|(((explained, octaves), compared), path)| PictureAnswer {
+        picture: path.display().to_string(),
+        octaves: octaves.clone(),
+        correlation: explained.correlation,
+        residual_rms: rms(compared.residual().data.iter().map(|r| f64::from(*r))),
+        lit_share: explained.lit_share,
     });
     Answer {
         dem: args.dem.display().to_string(),
@@ -171,7 +166,7 @@ fn answer(args: &Refine, pictures: &Pictures, refined: &Refined) -> Answer {
         quality: refined.quality,
         changed_share: changed.len() as f64 / heights.data.len().max(1) as f64,
         num_lost: refined.num_lost,
-        change_rms_m: rms(&changed),
+        change_rms_m: rms(changed.iter().copied()),
         change_max_m: changed.iter().map(|c| c.abs()).fold(0.0, f64::max),
         pictures: of_pictures.collect(),
         notes: pictures.notes.iter().chain(&refined.notes).cloned().collect(),

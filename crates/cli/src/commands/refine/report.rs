@@ -2,18 +2,15 @@
 
 use super::Answer;
 use super::inputs::Pictures;
+use crate::commands::figures::{self, HALF, name_of, shrunk};
 use selenograph_raster::colormap::Colormap;
-use selenograph_raster::{Raster, gradient, statistics};
+use selenograph_raster::{Raster, gradient};
 use selenograph_reconstruct::refine::Refined;
 use selenograph_report::figure::{ColorBar, Panel};
 use selenograph_report::number::{fixed, significant};
 use selenograph_report::{Column, Figure, Page, Picture, Table};
 use std::path::Path;
 
-/// Longest side of a map in the page, pixels: the files beside it have the full size.
-const MAX_SIDE: usize = 1024;
-/// Width of one of two figures in a row, CSS pixels.
-const HALF: f64 = 400.0;
 /// Slopes from here on have the brightest colour, degrees.
 const STEEP_DEG: f64 = 40.0;
 /// Light of the hillshades: from the upper left, as maps are shaded by custom, degrees.
@@ -43,31 +40,21 @@ pub fn page(
     ]);
     page.section("What was changed").figures(&[
         signed(&refined.change, "Change", "change of the height (m)", refined)?,
-        albedo(refined)?,
+        figures::albedo(&refined.albedo, |panel| as_map(panel, refined))?,
     ]);
     page.section("Pictures and model").table(&of_pictures(answer)?);
     for (k, (compared, path)) in refined.shaded.compared.iter().zip(&pictures.paths).enumerate() {
         let name = name_of(path);
         page.heading(&name);
-        let levels = compared.picture.data.iter().step_by(7).map(|v| f64::from(*v));
-        let [low, high] = statistics::quantiles(levels, [0.001, 0.999]).unwrap_or([0.0, 1.0]);
-        let photo = |raster: &Raster<f32>, title: &str| -> anyhow::Result<Figure> {
-            let picture = Picture::photo(&Colormap::Grey.paint(&shrunk(raster), low, high))?;
-            let panel = Panel::new(picture, title).width(HALF);
-            Ok(Figure::svg(panel.svg(), "On the cells of the surface, lit mean 1; one stretch for both."))
-        };
+        let [picture, model] = figures::picture_and_model(compared, HALF)?;
         page.figures(&[
-            photo(&compared.picture, "The picture")?,
-            photo(&compared.model, "The model's picture")?,
+            picture,
+            model,
             signed(&refined.residuals[k], "Picture less model", "in the lit mean", refined)?,
         ]);
     }
     page.section("How this was made").listing("run.toml", run_toml);
     Ok(page.finish())
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Slope in degrees and hillshade.
@@ -101,22 +88,9 @@ fn slope(shade: &Shade, title: &str, refined: &Refined) -> anyhow::Result<Figure
     Ok(Figure::svg(panel.svg(), "By Horn's 3×3 kernel on the grid."))
 }
 
-/// Values about zero, on a scale that holds nearly all of them.
 fn signed(values: &Raster<f32>, title: &str, label: &str, refined: &Refined) -> anyhow::Result<Figure> {
-    let sampled = values.data.iter().step_by(7).map(|v| f64::from(v.abs()));
-    let [high] = statistics::quantiles(sampled, [0.995]).unwrap_or([1.0]);
-    let high = high.max(1e-6);
-    let bar = ColorBar { map: Colormap::Viridis, low: -high, high, label: label.into() };
-    let panel = as_map(Panel::of_values(&shrunk(values), title, bar)?, refined);
+    let panel = figures::signed(values, title, label, |panel| as_map(panel, refined))?;
     Ok(Figure::svg(panel.svg(), "On the grid of the result."))
-}
-
-fn albedo(refined: &Refined) -> anyhow::Result<Figure> {
-    let sampled = refined.albedo.data.iter().step_by(7).map(|v| f64::from(*v));
-    let [low, high] = statistics::quantiles(sampled, [0.002, 0.998]).unwrap_or([0.9, 1.1]);
-    let bar = ColorBar { map: Colormap::Grey, low, high, label: "albedo against the mean".into() };
-    let panel = as_map(Panel::of_values(&shrunk(&refined.albedo), "Albedo", bar)?, refined);
-    Ok(Figure::svg(panel.svg(), "What brightness is left that shape does not explain."))
 }
 
 fn of_pictures(answer: &Answer) -> anyhow::Result<Table> {
@@ -142,12 +116,4 @@ fn of_pictures(answer: &Answer) -> anyhow::Result<Table> {
         ])?;
     }
     Ok(table)
-}
-
-/// Every so many pixels of a picture that is too large for a page.
-fn shrunk<T: Copy>(raster: &Raster<T>) -> Raster<T> {
-    let step = raster.width.max(raster.height).div_ceil(MAX_SIDE).max(1);
-    Raster::from_fn(raster.width.div_ceil(step), raster.height.div_ceil(step), |x, y| {
-        raster[(x * step, y * step)]
-    })
 }

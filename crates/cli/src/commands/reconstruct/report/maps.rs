@@ -1,6 +1,6 @@
 //! The maps of a reconstruction: terrain, hazards, and what would make more of them tellable.
 
-use super::{HALF, shrunk};
+use crate::commands::figures::{HALF, shrunk};
 use selenograph_raster::Raster;
 use selenograph_raster::colormap::{ABSENT, Colormap};
 use selenograph_raster::statistics;
@@ -38,7 +38,7 @@ fn north_rad(made: &Products) -> Option<f64> {
 }
 
 /// A panel of a map: with scale and north.
-fn as_map(panel: Panel, made: &Products, unit: &str) -> Panel {
+pub fn as_map(panel: Panel, made: &Products, unit: &str) -> Panel {
     let length = made.dem.ground_cell()[0] * made.dem.heights.width as f64;
     panel.width(HALF).scale_bar(length, unit).north(north_rad(made))
 }
