@@ -424,7 +424,8 @@ fn from_pictures(
             let begun = by_stereo(&everywhere)?;
             progress(Stage::Shading);
             match shading::shaded([a, b], &start, begun.as_ref(), priors, &options.shading) {
-                Ok(shaded) => {
+                Ok((shaded, doubts)) => {
+                    warnings.extend(doubts);
                     refined = Some(shaded.pictures[1].cam_from_scene.relabel());
                     Some([shaded.view(0, a), shaded.view(1, b)])
                 }
