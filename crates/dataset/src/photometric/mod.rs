@@ -174,7 +174,7 @@ impl Scene {
 }
 
 /// The place whose east, north and up the Sun's angles are measured in.
-pub(crate) fn site(
+pub fn site(
     rule: SiteRule,
     poses: &[Rigid3<BodyFixed, Cam>; 2],
     body: &Body,
