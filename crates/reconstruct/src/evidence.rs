@@ -218,6 +218,50 @@ pub enum Warning {
         /// `A` or `B`.
         picture: &'static str,
     },
+    /// A Sun stands below the ground that it should light.
+    #[error(
+        "the Sun of picture {picture} stands {below:.1}° below the ground's plane and cannot light it: shading was left out; is it of this \
+         picture?",
+        below = -elevation_deg
+    )]
+    SunBelow {
+        /// `A` or `B`.
+        picture: &'static str,
+        /// Over the plane of the ground, degrees.
+        elevation_deg: f64,
+    },
+    /// The surface from shading and the matches disagree.
+    #[error(
+        "the surface that explains the pictures by their shading puts the matches {misfit_px:.2} px (median) from where they are, their own \
+         errors are {noise_px:.2} px: shading was left out; are both Suns those of these pictures, and is the ground the same?"
+    )]
+    MatchesContradict {
+        /// Along the epipolar lines, pixels.
+        misfit_px: f64,
+        /// Across them or before shading, pixels.
+        noise_px: f64,
+    },
+    /// A picture shows little ground that is neither dark nor saturated.
+    #[error(
+        "only {percent:.0} % of picture {picture} is neither dark nor saturated: shading rests on little there",
+        percent = 100.0 * share
+    )]
+    LittleLit {
+        /// `A` or `B`.
+        picture: &'static str,
+        /// Of its pixels.
+        share: f64,
+    },
+    /// Shading explains the pictures by much albedo.
+    #[error(
+        "shading explains the pictures by an albedo that varies by {percent:.0} % (sigma): where the ground is more even, the Suns, the law or \
+         the ground itself are not what they are said to be, and slopes are wrong",
+        percent = 100.0 * spread
+    )]
+    MuchAlbedo {
+        /// Standard deviation of the log albedo.
+        spread: f64,
+    },
     /// What shading makes of the pictures does not look like them.
     #[error(
         "a surface that explains the pictures by their shading was not found: its rendering and picture {picture} correlate by {correlation:.2} \

@@ -174,11 +174,7 @@ impl Scene {
 }
 
 /// The place whose east, north and up the Sun's angles are measured in.
-pub(crate) fn site(
-    rule: SiteRule,
-    poses: &[Rigid3<BodyFixed, Cam>; 2],
-    body: &Body,
-) -> Result<Geodetic, Error> {
+pub fn site(rule: SiteRule, poses: &[Rigid3<BodyFixed, Cam>; 2], body: &Body) -> Result<Geodetic, Error> {
     let point = match rule {
         SiteRule::BelowFirstCamera => poses[0].origin(),
         SiteRule::AxesCrossing => {

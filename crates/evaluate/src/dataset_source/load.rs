@@ -7,9 +7,9 @@ use crate::truth::{Precision, TruthPair, TruthView};
 use selenograph_dataset::check::Ground;
 use selenograph_dataset::check::reprojection::{DepthView, OUTLIER, warp};
 use selenograph_dataset::pair::{PairRecord, RelativeGeometry, Trajectory, ViewName};
-use selenograph_dataset::photometric;
+use selenograph_dataset::photometric::{self, SiteRule};
 use selenograph_dataset::stored::OpenPair;
-use selenograph_geometry::{Body, Geodetic, Vector3};
+use selenograph_geometry::{Body, Geodetic, Point3, Vector3};
 use selenograph_raster::codec::exr::SampleType;
 use selenograph_raster::{Raster, statistics};
 use selenograph_reconstruct::View;
@@ -97,8 +97,12 @@ pub struct LoadedPair {
     pub left_out: Vec<String>,
     /// Azimuth and elevation of the Sun at the site, degrees, by the number of the light.
     pub suns_deg: BTreeMap<u64, [f64; 2]>,
-    /// Unit vectors to the Suns in the body's frame, by the number of the light; of triplets, which hold none, nothing.
+    /// Unit vectors to the Suns in the body's frame, by the number of the light; of triplets those of the authors' scripts.
     pub suns: BTreeMap<u64, Vector3<f64>>,
+    /// Standard deviation of their directions, radians; 0 where the pictures were rendered with them.
+    pub sun_sigma_rad: f64,
+    /// Whether the pictures' grey levels were stretched from black to white: their zero is not that of light.
+    pub is_stretched: bool,
 }
 
 impl LoadedPair {
@@ -123,7 +127,14 @@ impl LoadedPair {
             let direction = Vector3::from(sun.as_ref()?.direction).try_normalize(0.0)?;
             Some((light, direction))
         });
-        let suns = suns.collect();
+        let (mut suns, mut sun_sigma_rad): (BTreeMap<_, _>, _) = (suns.collect(), 0.0);
+        let foreign = pair.record.as_ref().is_none_or(|record| record.source.is_some());
+        if foreign {
+            sun_sigma_rad = scripts_sigma_rad(entry.trajectory);
+        }
+        if pair.record.is_none() {
+            suns = scripts_suns(entry.trajectory, &truth);
+        }
         let (body, suns_deg) = body_and_suns(pair.record);
         Ok(Self {
             name: entry.name.clone(),
@@ -136,6 +147,8 @@ impl LoadedPair {
             left_out,
             suns_deg,
             suns,
+            sun_sigma_rad,
+            is_stretched: foreign,
         })
     }
 
@@ -188,8 +201,7 @@ impl LoadedPair {
         let num_warped = (along(a.camera.width) * along(a.camera.height)).max(1);
         let depths = self.truth.views[0].depth_z.data.iter().map(|z| f64::from(*z));
         let median_z = statistics::median(depths).unwrap_or(f64::NAN);
-        let ground =
-            self.truth.views[0].world_from_cam.point(&selenograph_geometry::Point3::new(0.0, 0.0, median_z));
+        let ground = self.truth.views[0].world_from_cam.point(&Point3::new(0.0, 0.0, median_z));
         let ground_height = self.body.height_m(&ground);
         let [high_a, high_b] =
             [&a, &b].map(|view| self.body.height_m(&view.world_from_cam.origin()) - ground_height);
@@ -213,6 +225,35 @@ impl LoadedPair {
             truth_is_half_float: self.is_half_float,
         }
     }
+}
+
+/// Standard deviation of the scripts' Suns, degrees: how far those fitted to the public samples lie from them where the poses tell the
+/// site, and where it is only near what A looks at.
+const SCRIPTS_SIGMA_DEG: [f64; 2] = [0.2, 1.5];
+
+fn scripts_rule(trajectory: Option<Trajectory>) -> Option<SiteRule> {
+    trajectory.and_then(SiteRule::of_trajectory)
+}
+
+fn scripts_sigma_rad(trajectory: Option<Trajectory>) -> f64 {
+    let [sure, near] = SCRIPTS_SIGMA_DEG;
+    if scripts_rule(trajectory).is_some() { sure.to_radians() } else { near.to_radians() }
+}
+
+/// The Suns of the authors' scripts in the body's frame: their angles in the sky of the pair's site, which the poses tell for nadir and
+/// oblique pairs; for others it is the ground in the middle of A.
+fn scripts_suns(trajectory: Option<Trajectory>, truth: &TruthPair) -> BTreeMap<u64, Vector3<f64>> {
+    let scripts = photometric::Settings::default();
+    let [a, b] = &truth.views;
+    let middle = || {
+        let ground = Point3::new(0.0, 0.0, a.median_depth_z_m()?);
+        Some(scripts.body.place(&a.world_from_cam.point(&ground)))
+    };
+    let told = scripts_rule(trajectory)
+        .and_then(|rule| photometric::site(rule, &[a.world_from_cam, b.world_from_cam], &scripts.body).ok());
+    let Some(site) = told.or_else(middle) else { return BTreeMap::new() };
+    let suns = (0..).zip(&scripts.suns);
+    suns.map(|(light, sun)| (light, sun.direction(&scripts.body, &site))).collect()
 }
 
 /// Unit vector towards a Sun in the site's frame.

@@ -8,7 +8,7 @@ use crate::Error;
 use crate::aligned::{AlignedPair, Answers};
 use crate::dataset_source::{LoadedPair, Source};
 use crate::method::network::{Network, Session};
-use crate::method::{Item, Method};
+use crate::method::{Item, Lighting, Method};
 use crate::pair_metrics::{self, PreparedTruth, Region};
 use maps::Maps;
 use selenograph_raster::codec::png;
@@ -68,11 +68,11 @@ impl ItemFigures {
         let session = network.map(Session::new);
         let mut drawn = vec![Drawn::of_truth(&prepared)];
         for method in methods.iter().filter(|method| **method != Method::Truth) {
-            let suns = pair.suns_in_cams(lights);
+            let lighting = Lighting::of(&pair, lights);
             let item = Item {
                 views: &views,
                 lights,
-                suns,
+                lighting,
                 options,
                 truth: prepared.truth(),
                 network: session.as_ref(),

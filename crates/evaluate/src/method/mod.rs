@@ -11,7 +11,7 @@ use crate::pair_metrics::Promise;
 use selenograph_reconstruct::pipeline;
 use serde::{Deserialize, Serialize};
 
-pub use item::{Answer, Item, Pose};
+pub use item::{Answer, Item, Lighting, Pose};
 
 /// What is evaluated. To add a method: a variant of [`pipeline::Method`] and its words in `Method::words`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

@@ -13,7 +13,7 @@ use selenograph_reconstruct::matching::{self, Match};
 use selenograph_reconstruct::pipeline::{
     Incomplete, Input, Method, Options, ShadingUse, Wanted, reconstruct,
 };
-use selenograph_reconstruct::priors::{KnownSun, Priors, SunAxes};
+use selenograph_reconstruct::priors::Priors;
 use selenograph_reconstruct::relative_pose::{self, OrbOptions, SiftOptions};
 use selenograph_reconstruct::stereo::{Completion, StereoOptions};
 
@@ -43,9 +43,8 @@ pub fn answer(method: Method, promise: Promise, item: &Item<'_>) -> Result<Answe
         options.learned = session.geometry().clone();
     }
     let input = Input { views: item.views.each_ref(), learned: said.as_deref(), matches: None };
-    let suns =
-        item.suns.map(|sun| sun.map(|direction| KnownSun { direction, axes: SunAxes::Own, sigma_rad: 0.0 }));
-    let priors = Priors { suns, ..Priors::default() };
+    options.shading.free_offset = item.lighting.is_stretched;
+    let priors = Priors { suns: item.lighting.suns, ..Priors::default() };
     let prediction = reconstruct(&input, &priors, &options, |_| {})?.prediction;
     let reference_pose = match (&said, method) {
         (Some(said), _) => said_reference(said, &options.learned),

@@ -7,9 +7,8 @@ use crate::Error;
 use crate::dataset_source::load::ItemRecord;
 use crate::dataset_source::{Entry, LoadedPair, Source};
 use crate::method::network::Session;
-use crate::method::{Answer, Item, Method};
+use crate::method::{Answer, Item, Lighting, Method};
 use crate::pair_metrics::{PairMetrics, PreparedTruth, Promise};
-use selenograph_geometry::Vector3;
 use selenograph_reconstruct::{Prediction, View, pipeline};
 use std::collections::BTreeSet;
 
@@ -91,7 +90,7 @@ fn measure_pair(
     for item in pair.items(lights) {
         let lights = [item.light_a, item.light_b];
         let Some(views) = pair.views(lights) else { continue };
-        let suns = pair.suns_in_cams(lights);
+        let lighting = Lighting::of(pair, lights);
         for (n, &method) in settings.methods.iter().enumerate().filter(|(n, _)| missing[*n].contains(&lights))
         {
             let start = (options.clock)();
@@ -99,7 +98,8 @@ fn measure_pair(
                 // An anchor says the same under every light.
                 Some(line) if !method.looks_at_pictures() => Line { item: item.clone(), ..line.clone() },
                 _ => {
-                    measure_item(method, item.clone(), (&views, suns), &truths, (&methods, session.as_ref()))?
+                    let with = (&methods, session.as_ref());
+                    measure_item(method, item.clone(), (&views, lighting), &truths, with)?
                 }
             };
             result.lines[n].push(line);
@@ -112,13 +112,13 @@ fn measure_pair(
 fn measure_item(
     method: Method,
     item: ItemRecord,
-    (views, suns): (&[View; 2], [Option<Vector3<f64>>; 2]),
+    (views, lighting): (&[View; 2], Lighting),
     truths: &Truths,
     (options, network): (&pipeline::Options, Option<&Session<'_>>),
 ) -> Result<Line, Error> {
     let lights = [item.light_a, item.light_b];
     let answer =
-        method.answer(&Item { views, lights, suns, options, truth: truths.full.truth(), network })?;
+        method.answer(&Item { views, lights, lighting, options, truth: truths.full.truth(), network })?;
     let metrics = truths.full.measure(&answer.prediction, method.promise())?;
     let in_rows =
         truths.rows.as_ref().map(|rows| measure_rows(rows, &answer, method.promise())).transpose()?;

@@ -434,6 +434,7 @@ fn from_pictures(
         (Wanted::Points, Method::Stereo | Method::Mast3r | Method::Mast3rStereo | Method::Fused) => {
             let found = surface::points([&a, &b], &start, priors, options, progress)?;
             shading = found.shading;
+            warnings.extend(found.doubts);
             found.views
         }
     };

@@ -1,12 +1,15 @@
 //! Shading on top of stereo, or in its place where two Suns leave nothing to match.
 
+mod guards;
+
 use super::given::Start;
 use crate::evidence::{PoseSource, Warning};
 use crate::grid::plane;
 use crate::priors::Priors;
 use crate::shading::{self, Picture, PoseSigma, Shaded, ShadingOptions};
 use crate::{PredictedView, View, triangulate};
-use selenograph_geometry::{Rigid3, Vector3};
+use guards::Measured;
+use selenograph_geometry::{Point2, Rigid3, Vector3};
 
 /// How much surer a pose from matches looks than it is: its sigma knows nothing of matches that err together.
 const POSE_DOUBT: f64 = 3.0;
@@ -16,14 +19,20 @@ const MIN_CORRELATION: f64 = 0.9;
 /// Names of the pictures in messages.
 const PICTURES: [&str; 2] = ["A", "B"];
 
-/// One surface from both pictures; `dense` is stereo's answer, where there is one.
+/// Less light than this in a picture is said.
+const GOOD_LIT_SHARE: f64 = 0.45;
+/// Spread of the log albedo above which it is said: wrong Suns, another law and changed ground are explained by albedo, and the pictures
+/// correlate with their models all the same.
+const GOOD_ALBEDO: f64 = 0.07;
+
+/// One surface from both pictures, and what must be said beside it; `dense` is stereo's answer, where there is one.
 pub(super) fn shaded(
     views: [&View; 2],
     start: &Start,
     dense: Option<&[PredictedView; 2]>,
     priors: &Priors,
     options: &ShadingOptions,
-) -> Result<Shaded, Warning> {
+) -> Result<(Shaded, Vec<Warning>), Warning> {
     let pose = &start.cam_b_from_cam_a;
     let sun = |k: usize| priors.suns[k].ok_or(Warning::NoSun { picture: PICTURES[k] });
     let (sun_a, sun_b) = (sun(0)?, sun(1)?);
@@ -62,13 +71,40 @@ pub(super) fn shaded(
             sun_sigma_rad: sun_b.sigma_rad,
         },
     ];
-    let start = shading::Start { plane, views: dense, ground: None, least_cell: 0.0 };
-    let shaded = shading::shade(&pictures, &start, options).map_err(|error| no_shading(error.to_string()))?;
+    for (picture, lit) in PICTURES.into_iter().zip(&pictures) {
+        let elevation_deg = lit.sun.dot(&plane.normal).clamp(-1.0, 1.0).asin().to_degrees();
+        if !(elevation_deg > 0.0) {
+            return Err(Warning::SunBelow { picture, elevation_deg });
+        }
+    }
+    let begun = shading::Start { plane, views: dense, ground: None, least_cell: 0.0 };
+    let shaded = shading::shade(&pictures, &begun, options).map_err(|error| no_shading(error.to_string()))?;
+    let surface = shaded.view(0, views[0]);
+    let mut measured = Measured::new(&shaded);
+    let before = |at: &Point2<f64>| match dense {
+        Some([a, _]) => guards::point_at(a, at),
+        None => guards::on_plane(&plane, &views[0].camera, at),
+    };
+    measured.misfit = guards::misfit(
+        &start.matches,
+        [&|at| guards::point_at(&surface, at), &before],
+        &views[1].camera,
+        [&shaded.pictures[1].cam_from_scene.relabel(), pose],
+    );
     for (picture, explained) in PICTURES.into_iter().zip(&shaded.pictures) {
         let correlation = explained.correlation;
         if correlation.is_nan() || correlation < MIN_CORRELATION {
             return Err(Warning::NotExplained { picture, correlation });
         }
     }
-    Ok(shaded)
+    if let Some(misfit) = measured.misfit.filter(|m| dense.is_none() && m.contradicts()) {
+        return Err(Warning::MatchesContradict { misfit_px: misfit.along_px, noise_px: misfit.noise_px() });
+    }
+    let little = PICTURES.into_iter().zip(&shaded.pictures).filter(|(_, p)| p.lit_share < GOOD_LIT_SHARE);
+    let mut doubts: Vec<Warning> =
+        little.map(|(picture, p)| Warning::LittleLit { picture, share: p.lit_share }).collect();
+    if measured.albedo > GOOD_ALBEDO {
+        doubts.push(Warning::MuchAlbedo { spread: measured.albedo });
+    }
+    Ok((shaded, doubts))
 }

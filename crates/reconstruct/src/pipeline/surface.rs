@@ -69,6 +69,8 @@ pub struct ShadedSurface {
 pub(super) struct Found {
     pub(super) views: Option<[PredictedView; 2]>,
     pub(super) shading: ShadingOutcome,
+    /// What must be said beside it.
+    pub(super) doubts: Vec<Warning>,
 }
 
 /// A point per pixel.
@@ -92,7 +94,11 @@ pub(super) fn points(
     let how = options.shading_use(priors);
     if how == ShadingUse::Off {
         progress(Stage::Dense);
-        return Ok(Found { views: by_stereo(&options.stereo)?, shading: ShadingOutcome::NotAsked });
+        return Ok(Found {
+            views: by_stereo(&options.stereo)?,
+            shading: ShadingOutcome::NotAsked,
+            doubts: Vec::new(),
+        });
     }
     let same_sun = priors::same_sun(&priors.suns, &start.cam_b_from_cam_a);
     let mut before = None;
@@ -104,10 +110,10 @@ pub(super) fn points(
     }
     progress(Stage::Shading);
     match shading::shaded([a, b], start, before.as_ref(), priors, &options.shading) {
-        Ok(shaded) => {
+        Ok((shaded, doubts)) => {
             let views = Some([shaded.view(0, a), shaded.view(1, b)]);
             let surface = ShadedSurface { shaded, before };
-            Ok(Found { views, shading: ShadingOutcome::Used(Box::new(surface)) })
+            Ok(Found { views, shading: ShadingOutcome::Used(Box::new(surface)), doubts })
         }
         Err(why) => {
             let views = match how {
@@ -116,7 +122,7 @@ pub(super) fn points(
                 ShadingUse::On if !same_sun => return Err(Error::NotShaded(why)),
                 _ => by_stereo(&options.stereo)?,
             };
-            Ok(Found { views, shading: ShadingOutcome::LeftOut(why) })
+            Ok(Found { views, shading: ShadingOutcome::LeftOut(why), doubts: Vec::new() })
         }
     }
 }

@@ -46,7 +46,11 @@ fn sources(shaded: &Shaded) -> Vec<Source> {
     let albedo_sigma = albedo.iter().zip(&shaded.albedo_sigma.data).map(|(a, sigma)| a * sigma).collect();
     let of_ground = [
         Source { file: ALBEDO_NAME, name: "albedo against the mean", cells: shown(albedo) },
-        Source { file: "albedo_sigma.tif", name: "standard deviation of the albedo", cells: shown(albedo_sigma) },
+        Source {
+            file: "albedo_sigma.tif",
+            name: "standard deviation of the albedo",
+            cells: shown(albedo_sigma),
+        },
         Source {
             file: "slope_sigma.tif",
             name: "standard deviation of the slope's tangent",

@@ -63,6 +63,8 @@ pub(super) static RECONSTRUCTION: FolderKind = FolderKind {
         "hazard.tif",
         "hazard.tif.aux.xml",
         "albedo.tif",
+        "albedo_sigma.tif",
+        "slope_sigma.tif",
         "model_a.tif",
         "model_b.tif",
         "residual_a.tif",
