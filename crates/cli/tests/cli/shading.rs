@@ -18,7 +18,15 @@ fn with_pair_folder() -> Place {
 }
 
 const FOLDER: &str = "dataset/pairs/000/000000";
-const SURFACE: [&str; 5] = ["albedo.tif", "model_a.tif", "model_b.tif", "residual_a.tif", "residual_b.tif"];
+const SURFACE: [&str; 7] = [
+    "albedo.tif",
+    "albedo_sigma.tif",
+    "slope_sigma.tif",
+    "model_a.tif",
+    "model_b.tif",
+    "residual_a.tif",
+    "residual_b.tif",
+];
 
 #[test]
 fn shading_joins_stereo_where_both_suns_are_known() {
@@ -49,6 +57,10 @@ fn shading_joins_stereo_where_both_suns_are_known() {
         DemReader::open(&path, &OpenOptions::default()).unwrap().read_all().unwrap()
     };
     let heights = read("dem.tif");
+    // Sigma is there wherever a height is.
+    let sigma = read("dem_sigma.tif");
+    let without = heights.data.iter().zip(&sigma.data).filter(|(h, s)| h.is_finite() && !(**s > 0.0)).count();
+    assert_eq!(without, 0, "cells without sigma of {}", heights.data.len());
     for name in SURFACE {
         assert!(files.iter().any(|file| file == name), "{name} in {files:?}");
         let raster = read(name);

@@ -162,8 +162,12 @@ pub struct Start<'a> {
 pub struct Explained {
     /// Where the camera stands, after the fit.
     pub cam_from_scene: Rigid3<Cam, PredA>,
+    /// How surely, where it was to be found better.
+    pub pose_sigma: Option<PoseSigma>,
     /// Unit vector to the Sun in the scene's axes, after the fit.
     pub sun: Vector3<f64>,
+    /// Standard deviation of the Sun's direction after the fit, radians; 0 where it was known.
+    pub sun_sigma_rad: f64,
     /// Grey level of ground of radiance factor 1.
     pub gain: f64,
     /// Grey level at no light.
@@ -272,6 +276,15 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
     let num_seen = linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0));
     let compared = problem.compared(&solution.state.surface, &solution.state.globals, 0);
+    let State { surface, globals } = &solution.state;
+    let sure = uncertainty::uncertainty(
+        surface,
+        globals,
+        &solution.linear,
+        problem.anchors.first(),
+        &solution.weights,
+    );
+    let free = &globals.free;
     let explained = solution
         .state
         .globals
@@ -286,21 +299,20 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
                 (Some(_), 1) => with_baseline_of(shot.pose(&patch), picture, &pictures[0]),
                 (Some(_), _) => shot.pose(&patch),
             },
+            pose_sigma: sure
+                .of_globals(free, |g| matches!(g, Global::Turn(of, _) if of == k))
+                .zip(sure.of_globals(free, |g| matches!(g, Global::Move(of, _) if of == k)))
+                .map(|(turn_rad, direction_rad)| PoseSigma { turn_rad, direction_rad }),
             sun: patch.vector(shot.placed.sun),
+            sun_sigma_rad: sure
+                .of_globals(free, |g| matches!(g, Global::Sun(of, _) if of == k))
+                .unwrap_or(0.0),
             gain: f64::from(shot.gain * pyramid.mean),
             offset: f64::from(shot.offset * pyramid.mean),
             correlation: compared[k].correlation(&num_seen, pictures.len().min(2)),
             lit_share: f64::from(pyramid.lit_share),
         })
         .collect();
-    let State { surface, globals } = &solution.state;
-    let sure = uncertainty::uncertainty(
-        surface,
-        globals,
-        &solution.linear,
-        problem.anchors.first(),
-        &solution.weights,
-    );
     Ok(Shaded {
         height_sigma: sure.heights,
         slope_sigma: sure.slopes,

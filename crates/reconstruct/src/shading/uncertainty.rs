@@ -12,7 +12,7 @@
 
 use super::anchor::Anchor;
 use super::equations::{CellEquations, Equations, Solver, along, neighbours};
-use super::globals::Globals;
+use super::globals::{Free, Global, Globals};
 use super::linearise::{Linearised, Surface};
 use super::run::TOLERANCE;
 use super::weights::Weights;
@@ -35,6 +35,15 @@ pub(super) struct Uncertainty {
     pub(super) globals: DMatrix<f64>,
 }
 
+impl Uncertainty {
+    /// Standard deviation of the free globals that are chosen, the mean over them; `None` where none is free.
+    pub(super) fn of_globals(&self, free: &[Free], chosen: impl Fn(Global) -> bool) -> Option<f64> {
+        let of_chosen = (0..free.len()).filter(|&g| chosen(free[g].global));
+        let variances: Vec<f64> = of_chosen.map(|g| self.globals[(g, g)]).collect();
+        (!variances.is_empty()).then(|| (variances.iter().sum::<f64>() / variances.len() as f64).sqrt())
+    }
+}
+
 /// What is summed over the waves of a cell: variances of height, of both slopes with their covariance, of log albedo.
 const NUM_SUMS: usize = 5;
 type Sums = [f64; NUM_SUMS];
@@ -44,7 +53,7 @@ const WAVES: usize = 4;
 /// How many octaves longer than a wave is the square whose data hold it.
 const REACH: usize = 1;
 /// Smaller side of the grid that the globals' share is found on, cells.
-const COARSE_SIDE: usize = 96;
+const COARSE_SIDE: usize = 1 << 20;
 /// Conjugate-gradient steps for each global, at that grid.
 const ITERATIONS: usize = 40;
 /// Least share of a global's own information that is left to it: rounding leaves no less.
