@@ -73,7 +73,7 @@ pub(super) fn shaded(
     ];
     for (picture, lit) in PICTURES.into_iter().zip(&pictures) {
         let elevation_deg = lit.sun.dot(&plane.normal).clamp(-1.0, 1.0).asin().to_degrees();
-        if !(elevation_deg > 0.0) {
+        if elevation_deg.is_nan() || elevation_deg <= 0.0 {
             return Err(Warning::SunBelow { picture, elevation_deg });
         }
     }

@@ -234,24 +234,6 @@ impl Equations {
         }
     }
 
-    /// The same equations for cells of twice the side; `None` where the sides are odd.
-    pub(super) fn halved(&self) -> Option<Self> {
-        let (width, height) = (self.width, self.height);
-        if width % 2 + height % 2 > 0 {
-            return None;
-        }
-        let Regular { stiffness, tension, hold } = &self.regular;
-        let stiffness = Raster::from_fn(width / 2, height / 2, |x, y| stiffness[(2 * x, 2 * y)]);
-        Some(Self {
-            width: width / 2,
-            height: height / 2,
-            cells: four_cells(&self.cells, width, height),
-            regular: Regular { stiffness, tension: *tension, hold: 4.0 * hold },
-            columns: self.columns.iter().map(|column| four_of_unknowns(column, width, height)).collect(),
-            inverse: self.inverse.clone(),
-        })
-    }
-
     /// The step of heights and log albedo towards `right`.
     pub(super) fn solve(
         &self,
@@ -289,36 +271,6 @@ impl Equations {
         );
         x
     }
-}
-
-/// Sums of four cells. Heights of the coarser ones, in cells, count twice as many of the finer; slopes stay.
-fn four_cells(finer: &[CellEquations], width: usize, height: usize) -> Vec<CellEquations> {
-    const SCALES: [f32; 10] = [1.0, 1.0, 2.0, 1.0, 1.0, 2.0, 1.0, 4.0, 2.0, 1.0];
-    let mut out = vec![CellEquations::default(); width / 2 * (height / 2)];
-    for (y, row) in finer.chunks_exact(width).take(height).enumerate() {
-        for (x, cell) in row.iter().enumerate() {
-            let sum = &mut out[y / 2 * (width / 2) + x / 2];
-            for ((sum, v), scale) in sum.matrix.iter_mut().zip(&cell.matrix).zip(SCALES) {
-                *sum += scale * v;
-            }
-        }
-    }
-    out
-}
-
-/// What is said of the unknowns of four cells, for the unknowns of one of twice the side.
-fn four_of_unknowns(finer: &[f32], width: usize, height: usize) -> Vec<f32> {
-    let count = width / 2 * (height / 2);
-    let mut out = vec![0.0; 2 * count];
-    for (half, (finer, scale)) in finer.chunks_exact(width * height).zip([2.0, 1.0]).enumerate() {
-        for (y, row) in finer.chunks_exact(width).enumerate() {
-            let sums = &mut out[half * count + y / 2 * (width / 2)..][..width / 2];
-            for (sum, two) in sums.iter_mut().zip(row.chunks_exact(2)) {
-                *sum += scale * (two[0] + two[1]);
-            }
-        }
-    }
-    out
 }
 
 /// Keeps the preconditioner finite for the mean height, which the slopes do not tell.

@@ -40,7 +40,7 @@ pub use known_ground::{HeightOver, KnownGround};
 use linearise::{LawTable, Surface};
 pub use patch::Patch;
 use picture::{PicturePyramid, Placed};
-use run::{Problem, State};
+use run::Problem;
 use selenograph_geometry::{Cam, Matrix3, Point3, PredA, Rigid3, Rotation3, Vector3};
 use selenograph_raster::Raster;
 use selenograph_render::brdf::Brdf;
@@ -276,15 +276,8 @@ pub fn shade(pictures: &[Picture<'_>], start: &Start<'_>, options: &ShadingOptio
     let raster = |data: &Vec<f32>| Raster { width: patch.width, height: patch.height, data: data.clone() };
     let num_seen = linearise::num_seen(&solution.state.surface, &solution.state.globals, &problem.shown(0));
     let compared = problem.compared(&solution.state.surface, &solution.state.globals, 0);
-    let State { surface, globals } = &solution.state;
-    let sure = uncertainty::uncertainty(
-        surface,
-        globals,
-        &solution.linear,
-        problem.anchors.first(),
-        &solution.weights,
-    );
-    let free = &globals.free;
+    let sure = uncertainty::uncertainty(&problem, &solution);
+    let free = &solution.state.globals.free;
     let explained = solution
         .state
         .globals

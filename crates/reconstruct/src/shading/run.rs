@@ -243,4 +243,23 @@ impl Surface {
         };
         Self { heights: double(&self.heights, 2.0), albedo: double(&self.albedo, 1.0), ..finer.clone() }
     }
+
+    /// On cells of twice the side; both sides are even.
+    pub(super) fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mean = |data: &[f32], x: usize, y: usize| {
+            let at = 2 * y * self.width + 2 * x;
+            0.25 * (data[at] + data[at + 1] + data[at + self.width] + data[at + self.width + 1])
+        };
+        let halve =
+            |data: &[f32], scale: f32| Raster::from_fn(width, height, |x, y| scale * mean(data, x, y)).data;
+        Self {
+            width,
+            height,
+            scale: 2.0 * self.scale,
+            sight: self.sight,
+            heights: halve(&self.heights, 0.5),
+            albedo: halve(&self.albedo, 1.0),
+        }
+    }
 }

@@ -4,17 +4,16 @@
 //! The covariance of the unknowns is the inverse of the last step's matrix times the noise's variance. Its diagonal is summed over
 //! waves: a wave is held by the data of an area of about its own length, so each octave takes the mean tensor of squares of that
 //! size, and the spectrum of plate and membrane. What the pictures as a whole leave unsure (gains, Suns, poses) tilts and bends
-//! everything; its share follows from the joint elimination, on a coarser grid of the same equations.
+//! everything; its share follows from the joint elimination, on a coarser level of the pictures: it is smooth.
 //!
 //! # Source
 //! Rue & Held 2005, "Gaussian Markov Random Fields" (variances of stationary fields by their spectrum); Triggs et al. 2000, "Bundle
 //! adjustment: a modern synthesis", §B (covariance by the Schur complement).
 
-use super::anchor::Anchor;
 use super::equations::{CellEquations, Equations, Solver, along, neighbours};
-use super::globals::{Free, Global, Globals};
-use super::linearise::{Linearised, Surface};
-use super::run::TOLERANCE;
+use super::globals::{Free, Global};
+use super::linearise::linearise;
+use super::run::{Problem, Solution, TOLERANCE};
 use super::weights::Weights;
 use crate::field::conjugate::dot;
 use crate::field::filter;
@@ -52,32 +51,31 @@ type Sums = [f64; NUM_SUMS];
 const WAVES: usize = 4;
 /// How many octaves longer than a wave is the square whose data hold it.
 const REACH: usize = 1;
-/// Smaller side of the grid that the globals' share is found on, cells.
-const COARSE_SIDE: usize = 1 << 20;
-/// Conjugate-gradient steps for each global, at that grid.
-const ITERATIONS: usize = 40;
+/// Least smaller side of the level that the globals' share is found on, cells.
+const COARSE_SIDE: usize = 64;
+/// Conjugate-gradient steps for each global, at that level.
+const ITERATIONS: usize = 60;
 /// Least share of a global's own information that is left to it: rounding leaves no less.
 const LEAST_LEFT: f64 = 1e-6;
 
-/// How much larger errors are than the noise that is left says: law, albedo and interpolation err over areas and not cell by cell.
-const DOUBT: f32 = 1.0;
+/// How much larger the waves' errors are than the noise that is left says: law, albedo and interpolation err over areas and not
+/// cell by cell.
+const DOUBT_OF_WAVES: f32 = 1.0;
+/// The same of the globals' errors.
+const DOUBT_OF_GLOBALS: f32 = 1.0;
 
-pub(super) fn uncertainty(
-    surface: &Surface,
-    globals: &Globals,
-    linear: &Linearised,
-    anchor: Option<&Anchor>,
-    weights: &Weights,
-) -> Uncertainty {
+pub(super) fn uncertainty(problem: &Problem<'_>, solution: &Solution) -> Uncertainty {
+    let (surface, weights) = (&solution.state.surface, &solution.weights);
     let (width, height) = (surface.width, surface.height);
-    let mut cells = linear.cells.clone();
-    if let Some(anchor) = anchor {
+    let mut cells = solution.linear.cells.clone();
+    if let Some(anchor) = problem.anchors.first() {
         anchor.hold(surface, weights.noise2 as f32, &mut cells);
     }
     let of_waves = of_waves(&cells, width, height, weights);
-    let (of_globals, covariance) = of_globals(cells, width, height, globals, linear, weights);
+    let (of_globals, covariance) = of_globals(problem, solution);
     let total = |k: usize| -> Vec<f32> {
-        of_waves[k].data.iter().zip(&of_globals[k].data).map(|(a, b)| DOUBT * DOUBT * (a + b)).collect()
+        let both = of_waves[k].data.iter().zip(&of_globals[k].data);
+        both.map(|(a, b)| DOUBT_OF_WAVES.powi(2) * a + DOUBT_OF_GLOBALS.powi(2) * b).collect()
     };
     let [of_heights, uu, uv, vv, of_albedo] = std::array::from_fn(total);
     let sigma =
@@ -189,31 +187,36 @@ fn add_octave(sums: &mut Sums, mean: &[f64; 10], octave: usize, weights: &Weight
 }
 
 /// What the globals' uncertainty adds on the cells, and their covariance.
-fn of_globals(
-    cells: Vec<CellEquations>,
-    width: usize,
-    height: usize,
-    globals: &Globals,
-    linear: &Linearised,
-    weights: &Weights,
-) -> ([Raster<f32>; NUM_SUMS], DMatrix<f64>) {
-    let mut equations = Equations {
+fn of_globals(problem: &Problem<'_>, solution: &Solution) -> ([Raster<f32>; NUM_SUMS], DMatrix<f64>) {
+    let (globals, mut weights) = (&solution.state.globals, solution.weights);
+    let mut surface = solution.state.surface.clone();
+    let mut sizes = vec![(surface.width, surface.height)];
+    while surface.width.min(surface.height) >= 2 * COARSE_SIDE
+        && surface.width % 2 + surface.height % 2 == 0
+        && problem.pyramids.iter().all(|pyramid| sizes.len() < pyramid.levels.len())
+    {
+        surface = surface.halved();
+        weights = weights.coarser();
+        sizes.push((surface.width, surface.height));
+    }
+    let level_idx = sizes.len() - 1;
+    let shown = problem.shown(level_idx);
+    let mut linear = linearise(&surface, globals, &shown, &problem.law, problem.options.robust);
+    if let Some(anchor) = problem.anchors.get(level_idx) {
+        anchor.hold(&surface, weights.noise2 as f32, &mut linear.cells);
+    }
+    let (width, height) = (surface.width, surface.height);
+    let columns = linear.columns;
+    let num_free = columns.len();
+    let equations = Equations {
         width,
         height,
-        cells,
+        cells: linear.cells,
         regular: weights.regular(width, height),
-        columns: linear.columns.clone(),
-        inverse: DMatrix::zeros(linear.columns.len(), linear.columns.len()),
+        columns: Vec::new(),
+        inverse: DMatrix::zeros(0, 0),
     };
-    let mut sizes = vec![(width, height)];
-    while equations.width.min(equations.height) >= 2 * COARSE_SIDE {
-        let Some(halved) = equations.halved() else { break };
-        sizes.push((halved.width, halved.height));
-        equations = halved;
-    }
-    let columns = std::mem::take(&mut equations.columns);
-    let num_free = columns.len();
-    let mut solver = Solver::new(equations.width, equations.height);
+    let mut solver = Solver::new(width, height);
     let responses: Vec<Vec<f32>> =
         columns.iter().map(|column| equations.solve(column, &mut solver, ITERATIONS, TOLERANCE)).collect();
     let own = |g: usize| linear.gram[(g, g)] + weights.noise2 / globals.free[g].sigma.powi(2);
@@ -228,7 +231,7 @@ fn of_globals(
     let inverse = eigen.eigenvalues.map(|v| weights.noise2 / v.max(LEAST_LEFT));
     let turned = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
     let covariance = DMatrix::from_fn(num_free, num_free, |g, h| turned[(g, h)] / (unit[g] * unit[h]));
-    let mut sums = shares_of(&responses, &covariance, equations.width, equations.height, sizes.len() - 1);
+    let mut sums = shares_of(&responses, &covariance, width, height, level_idx);
     for &(width, height) in sizes.iter().rev().skip(1) {
         sums = sums.map(|coarser| filter::double(&coarser, width, height, 1.0));
     }

@@ -68,6 +68,11 @@ impl Weights {
         Self { albedo2_per_noise4: 0.25 * self.albedo2_per_noise4, reach: 2.0 * self.reach, ..*self }
     }
 
+    /// For cells of twice the side.
+    pub(super) fn coarser(&self) -> Self {
+        Self { albedo2_per_noise4: 4.0 * self.albedo2_per_noise4, reach: 0.5 * self.reach, ..*self }
+    }
+
     /// From what the surface comes to under the present ones.
     pub(super) fn estimated(&self, parts: &Parts<'_>) -> Self {
         let mut mean = [0.0f64; 10];

@@ -56,11 +56,14 @@ impl Measured {
     }
 }
 
+/// The point that a ray of a picture meets.
+type Ground<'a> = &'a dyn Fn(&Point2<f64>) -> Option<Vector3<f64>>;
+
 /// Where a surface and a pose put the matches; `before` tells the ground that a ray of A met before. `None` where fewer than
 /// [`MIN_MATCHES`] lie on the surface.
 pub(super) fn misfit(
     matches: &[JudgedMatch],
-    [surface, before]: [&dyn Fn(&Point2<f64>) -> Option<Vector3<f64>>; 2],
+    [surface, before]: [Ground<'_>; 2],
     camera_b: &Camera,
     [found, begun]: [&Rigid3<selenograph_geometry::CamB, selenograph_geometry::CamA>; 2],
 ) -> Option<Misfit> {
@@ -81,7 +84,7 @@ pub(super) fn misfit(
         }
     }
     let enough = misses[0].len() >= MIN_MATCHES;
-    let [along_px, across_px, before_px] = misses.map(|m| median(m.into_iter()).unwrap_or(f64::NAN));
+    let [along_px, across_px, before_px] = misses.map(|m| median(m).unwrap_or(f64::NAN));
     enough.then_some(Misfit { along_px, across_px, before_px })
 }
 
