@@ -203,7 +203,8 @@ impl Scene {
                 }
             }
         }
-        let off = |of: &dyn Fn(&([f64; 3], f64, f64)) -> f64| {
+        type Sample = ([f64; 3], f64, f64);
+        let off = |of: fn(&Sample) -> f64| {
             let (mut normal, mut right) = (selenograph_geometry::Matrix3::zeros(), Vector3::zeros());
             for sample in &samples {
                 let basis = Vector3::from(sample.0);
@@ -215,7 +216,7 @@ impl Scene {
             let squares = samples.iter().map(|s| (of(s) - plane.dot(&Vector3::from(s.0))).powi(2));
             (squares.sum::<f64>() / samples.len() as f64).sqrt()
         };
-        off(&|(_, z, truth)| z - truth) / off(&|(_, _, truth)| *truth)
+        off(|(_, z, truth)| z - truth) / off(|(_, _, truth)| *truth)
     }
 
     fn told(&self, method: Method) -> Told {
