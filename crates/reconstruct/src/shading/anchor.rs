@@ -1,8 +1,8 @@
 //! What is known of the heights on the cells, stereo's answer or an elevation model: where the surface starts, and what holds it
 //! where shading does not tell.
 
-use super::equations::CellEquations;
-use super::linearise::Surface;
+use super::globals::{Global, Globals};
+use super::linearise::{Axes, Linearised, Surface};
 use super::patch::Patch;
 use crate::grid::lift::{Lifted, LiftedView};
 use crate::grid::mesh;
@@ -21,6 +21,8 @@ pub(super) struct Anchor {
     pub(super) means: Option<Means>,
     /// Share of its precision that each cell counts with: neighbours err together.
     pub(super) share: f32,
+    /// Whether it was measured with the first two cameras' poses, and is another under others.
+    pub(super) follows_pose: bool,
 }
 
 /// Means over squares of cells around each cell, of the differences from what is known.
@@ -108,6 +110,7 @@ impl Anchor {
             precision: raster(&|c| if c.count > 0 { precision(c) } else { 0.0 }),
             means: None,
             share,
+            follows_pose: true,
         }
     }
 
@@ -125,7 +128,7 @@ impl Anchor {
         let precision = Raster::from_fn(width, height, total);
         let means =
             self.means.map(|means| Means { side: 0.5 * means.side, precision: 4.0 * means.precision });
-        Self { heights, precision, means, share: self.share }
+        Self { heights, precision, means, ..*self }
     }
 
     /// The heights, smoothly carried on to where there are none.
@@ -157,11 +160,39 @@ impl Anchor {
         known
     }
 
-    fn pull(&self, surface: &Surface, at: usize, weight: f32) -> (f32, f32) {
-        let difference = self.heights.data[at] - surface.heights[at];
-        let precision = self.precision.data[at];
-        let far = difference * difference * precision / (OUTLIER * OUTLIER);
-        (weight * self.share * precision / (1.0 + far), difference)
+    /// The free globals of the pose that the heights were measured with.
+    fn pose(&self, globals: &Globals) -> Vec<(usize, Global)> {
+        let free = globals.free.iter().map(|free| free.global).enumerate();
+        free.filter(|(_, global)| self.follows_pose && global.is_of_pose(1)).collect()
+    }
+
+    /// Each cell's weight, what its height differs by, and how that changes with the pose's unknowns; cells where nothing is known
+    /// are left out.
+    fn for_each(
+        &self,
+        surface: &Surface,
+        globals: &Globals,
+        weight: f32,
+        mut told: impl FnMut(usize, f32, f32, &[f32]),
+    ) {
+        let pose = self.pose(globals);
+        let axes = (!pose.is_empty()).then(|| Axes::of(globals, 1));
+        let mut follows = vec![0.0; pose.len()];
+        for (at, &precision) in self.precision.data.iter().enumerate() {
+            if precision == 0.0 {
+                continue;
+            }
+            let mut difference = self.heights.data[at] - surface.heights[at];
+            if let Some(axes) = &axes {
+                let place = (at % surface.width, at / surface.width);
+                for (follows, &(g, global)) in follows.iter_mut().zip(&pose) {
+                    *follows = surface.height_follows(place, &globals.shots[1], axes, global);
+                    difference += *follows * globals.free[g].deviation as f32;
+                }
+            }
+            let far = difference * difference * precision / (OUTLIER * OUTLIER);
+            told(at, weight * self.share * precision / (1.0 + far), difference, &follows);
+        }
     }
 
     /// Means of the differences, where there is anything to differ from.
@@ -172,11 +203,20 @@ impl Anchor {
         means.of(&Raster { width, height, data })
     }
 
-    pub(super) fn hold(&self, surface: &Surface, weight: f32, cells: &mut [CellEquations]) {
-        for (at, cell) in cells.iter_mut().enumerate() {
-            let (weight, difference) = self.pull(surface, at, weight);
-            cell.add(weight, [0.0, 0.0, 1.0, 0.0], difference);
-        }
+    /// Adds what is known to the equations.
+    pub(super) fn hold(&self, surface: &Surface, globals: &Globals, weight: f32, linear: &mut Linearised) {
+        let pose = self.pose(globals);
+        let Linearised { cells, columns, gram, right, .. } = linear;
+        self.for_each(surface, globals, weight, |at, weight, difference, follows| {
+            cells[at].add(weight, [0.0, 0.0, 1.0, 0.0], difference);
+            for (&(g, _), follow) in pose.iter().zip(follows) {
+                columns[g][at] -= weight * follow;
+                right[g] -= f64::from(weight * follow * difference);
+                for (&(h, _), other) in pose.iter().zip(follows) {
+                    gram[(g, h)] += f64::from(weight * follow * other);
+                }
+            }
+        });
         let Some(means) = &self.means else { return };
         // The gradient is exact, the matrix that of single cells, which is no less than that of means: steps of short waves are a
         // little short, and never too long.
@@ -188,12 +228,11 @@ impl Anchor {
         }
     }
 
-    pub(super) fn energy(&self, surface: &Surface, weight: f32) -> f64 {
-        let of = |at: usize| {
-            let (weight, difference) = self.pull(surface, at, weight);
-            f64::from(weight * difference * difference)
-        };
-        let of_cells: f64 = (0..self.heights.data.len()).map(of).sum();
+    pub(super) fn energy(&self, surface: &Surface, globals: &Globals, weight: f32) -> f64 {
+        let mut of_cells = 0.0;
+        self.for_each(surface, globals, weight, |_, weight, difference, _| {
+            of_cells += f64::from(weight * difference * difference);
+        });
         let of_means = self.means.as_ref().map_or(0.0, |means| {
             let weight = f64::from(weight * means.precision);
             let differences = self.mean_differences(surface, means);

@@ -33,6 +33,13 @@ impl Global {
     }
 }
 
+impl Global {
+    /// Whether it is of a picture's pose.
+    pub(super) fn is_of_pose(self, picture: usize) -> bool {
+        matches!(self, Self::Turn(k, _) | Self::Move(k, _) if k == picture)
+    }
+}
+
 /// A global unknown with what is known of it: its deviation from the prior value, and how sure that is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Free {

@@ -94,6 +94,7 @@ impl Anchor {
             precision: heights.map(|h| if h.is_nan() { 0.0 } else { of_cells }),
             heights: heights.map(|h| if h.is_nan() { 0.0 } else { *h }),
             share: 1.0,
+            follows_pose: false,
             means: Some(Means { side, precision: precision(ground.sigma) / (side * side).max(1.0) as f32 }),
         }
     }

@@ -95,6 +95,7 @@ impl Fit {
 }
 
 /// What a step needs.
+#[derive(Clone)]
 pub(super) struct Linearised {
     pub(super) cells: Vec<CellEquations>,
     pub(super) columns: Vec<Vec<f32>>,
@@ -207,10 +208,8 @@ impl Seen {
     /// How the picture changes in its lit mean when the cell moves in the camera's axes.
     #[inline]
     fn picture_change(&self, moved: [f32; 3], shown: &Shown<'_>) -> f32 {
-        let at = self.sample.at;
-        let inverse = 1.0 / at[2];
-        let by = |axis: usize| (moved[axis] - at[axis] * inverse * moved[2]) * inverse;
-        (self.sample.by_ray[0] * by(0) + self.sample.by_ray[1] * by(1)) / shown.mean
+        let [by_x, by_y] = ray_change(self.sample.at, moved);
+        (self.sample.by_ray[0] * by_x + self.sample.by_ray[1] * by_y) / shown.mean
     }
 
     /// How the model less the picture changes with a global unknown.
@@ -226,16 +225,10 @@ impl Seen {
                 self.by_mu0 * product(self.ground.normal, across)
                     + self.by_cos_phase * product(self.eye, across)
             }
-            Global::Turn(_, axis) => {
-                let moved = match axis {
-                    0 => [0.0, -at[2], at[1]],
-                    1 => [at[2], 0.0, -at[0]],
-                    _ => [-at[1], at[0], 0.0],
-                };
-                -self.picture_change(moved, shown)
-            }
+            Global::Turn(..) => -self.picture_change(axes.ground_moves(global, at), shown),
             Global::Move(_, axis) => {
-                self.eye_change(axes.eye_moves[axis]) - self.picture_change(axes.moves[axis], shown)
+                let moved = axes.ground_moves(global, at);
+                self.eye_change(axes.eye_moves[axis]) - self.picture_change(moved, shown)
             }
         }
     }
@@ -259,6 +252,26 @@ impl Axes {
             moves.map(|m| std::array::from_fn(|i| -(r[0][i] * m[0] + r[1][i] * m[1] + r[2][i] * m[2])));
         Self { sun: across(shot.placed.sun), moves, eye_moves }
     }
+
+    /// How the ground at a place in the camera's axes moves there with an unknown of the camera's pose.
+    #[inline]
+    fn ground_moves(&self, global: Global, at: [f32; 3]) -> [f32; 3] {
+        match global {
+            Global::Turn(_, 0) => [0.0, -at[2], at[1]],
+            Global::Turn(_, 1) => [at[2], 0.0, -at[0]],
+            Global::Turn(..) => [-at[1], at[0], 0.0],
+            Global::Move(_, axis) => self.moves[axis],
+            _ => [0.0; 3],
+        }
+    }
+}
+
+/// How `x/z` and `y/z` of a place in the camera's axes change when it moves.
+#[inline]
+fn ray_change(at: [f32; 3], moved: [f32; 3]) -> [f32; 2] {
+    let inverse = 1.0 / at[2];
+    let by = |axis: usize| (moved[axis] - at[axis] * inverse * moved[2]) * inverse;
+    [by(0), by(1)]
 }
 
 /// Residuals, robust weights and derivatives of all pictures on the cells.
@@ -423,6 +436,24 @@ impl Fit {
 }
 
 impl Surface {
+    /// How the height at which a ray of another camera is met at a given pixel of this one changes with its pose: what two
+    /// pictures' disparity says under another pose.
+    pub(super) fn height_follows(
+        &self,
+        (x, y): (usize, usize),
+        shot: &Shot,
+        axes: &Axes,
+        pose: Global,
+    ) -> f32 {
+        let ground = self.ground(x, y);
+        let at = shot.placed.in_cam(ground.position);
+        let higher = std::array::from_fn(|i| self.scale * product(shot.placed.rotation[i], ground.line));
+        let (by_height, by_pose) = (ray_change(at, higher), ray_change(at, axes.ground_moves(pose, at)));
+        let across = by_height[0] * by_pose[0] + by_height[1] * by_pose[1];
+        let change = across / (by_height[0] * by_height[0] + by_height[1] * by_height[1]);
+        if change.is_finite() { -change } else { 0.0 }
+    }
+
     /// A cell's ground.
     #[inline]
     pub(super) fn ground(&self, x: usize, y: usize) -> Ground {

@@ -13,7 +13,7 @@
 use super::equations::{CellEquations, Equations, Solver, along, neighbours};
 use super::globals::{Free, Global};
 use super::linearise::linearise;
-use super::run::{Problem, Solution, TOLERANCE};
+use super::run::{Problem, Solution, TOGETHER, TOLERANCE};
 use super::weights::Weights;
 use crate::field::conjugate::dot;
 use crate::field::filter;
@@ -59,23 +59,22 @@ const ITERATIONS: usize = 60;
 const LEAST_LEFT: f64 = 1e-6;
 
 /// How much larger the waves' errors are than the noise that is left says: law, albedo and interpolation err over areas and not
-/// cell by cell.
-const DOUBT_OF_WAVES: f32 = 1.0;
-/// The same of the globals' errors.
-const DOUBT_OF_GLOBALS: f32 = 1.0;
+/// cell by cell. Settled on realistic pictures of synthetic ground, where it makes two thirds of the slopes lie within one.
+const DOUBT: f32 = 2.25;
 
 pub(super) fn uncertainty(problem: &Problem<'_>, solution: &Solution) -> Uncertainty {
     let (surface, weights) = (&solution.state.surface, &solution.weights);
     let (width, height) = (surface.width, surface.height);
-    let mut cells = solution.linear.cells.clone();
+    let mut linear = solution.linear.clone();
     if let Some(anchor) = problem.anchors.first() {
-        anchor.hold(surface, weights.noise2 as f32, &mut cells);
+        anchor.hold(surface, &solution.state.globals, weights.noise2 as f32, &mut linear);
     }
+    let cells = linear.cells;
     let of_waves = of_waves(&cells, width, height, weights);
     let (of_globals, covariance) = of_globals(problem, solution);
     let total = |k: usize| -> Vec<f32> {
         let both = of_waves[k].data.iter().zip(&of_globals[k].data);
-        both.map(|(a, b)| DOUBT_OF_WAVES.powi(2) * a + DOUBT_OF_GLOBALS.powi(2) * b).collect()
+        both.map(|(a, b)| DOUBT * DOUBT * a + b).collect()
     };
     let [of_heights, uu, uv, vv, of_albedo] = std::array::from_fn(total);
     let sigma =
@@ -203,7 +202,7 @@ fn of_globals(problem: &Problem<'_>, solution: &Solution) -> ([Raster<f32>; NUM_
     let shown = problem.shown(level_idx);
     let mut linear = linearise(&surface, globals, &shown, &problem.law, problem.options.robust);
     if let Some(anchor) = problem.anchors.get(level_idx) {
-        anchor.hold(&surface, weights.noise2 as f32, &mut linear.cells);
+        anchor.hold(&surface, globals, weights.noise2 as f32, &mut linear);
     }
     let (width, height) = (surface.width, surface.height);
     let columns = linear.columns;
@@ -219,7 +218,7 @@ fn of_globals(problem: &Problem<'_>, solution: &Solution) -> ([Raster<f32>; NUM_
     let mut solver = Solver::new(width, height);
     let responses: Vec<Vec<f32>> =
         columns.iter().map(|column| equations.solve(column, &mut solver, ITERATIONS, TOLERANCE)).collect();
-    let own = |g: usize| linear.gram[(g, g)] + weights.noise2 / globals.free[g].sigma.powi(2);
+    let own = |g: usize| linear.gram[(g, g)] + TOGETHER * weights.noise2 / globals.free[g].sigma.powi(2);
     // In units of each unknown's own information, so that they can be compared.
     let unit: Vec<f64> = (0..num_free).map(|g| own(g).max(f64::MIN_POSITIVE).sqrt()).collect();
     let left = DMatrix::from_fn(num_free, num_free, |g, h| {
@@ -228,7 +227,7 @@ fn of_globals(problem: &Problem<'_>, solution: &Solution) -> ([Raster<f32>; NUM_
         (known - spent) / (unit[g] * unit[h])
     });
     let eigen = left.symmetric_eigen();
-    let inverse = eigen.eigenvalues.map(|v| weights.noise2 / v.max(LEAST_LEFT));
+    let inverse = eigen.eigenvalues.map(|v| TOGETHER * weights.noise2 / v.max(LEAST_LEFT));
     let turned = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
     let covariance = DMatrix::from_fn(num_free, num_free, |g, h| turned[(g, h)] / (unit[g] * unit[h]));
     let mut sums = shares_of(&responses, &covariance, width, height, level_idx);
