@@ -1,11 +1,12 @@
 //! How well shading does on a dataset of ours, on exact pictures and on disturbed ones, with poses that are given.
 //!
 //! `cargo run --release -p selenograph-evaluate --example shading -- DATASET [--lights same|cross] [--pairs N] [--items N]
-//! [--albedo 0.1] [--noise 0.005] [--jpeg 90] [--pose-deg 0.02] [--direction-deg 0.06] [--pose-free] [--sun-deg 0.5] [--options TOML]`
+//! [--lit] [--albedo 0.1] [--noise 0.005] [--jpeg 90] [--pose-deg 0.02] [--direction-deg 0.06] [--pose-free] [--sun-deg 0.5] [--options TOML]`
 //!
 //! Each item goes through the pipeline that `reconstruct` and `evaluate` use, with the true relative pose turned by `--pose-deg`
 //! (its baseline by `--direction-deg`), and 30 true matches with 1 px of noise in place of features. The albedo is a smooth field on
-//! the ground, the same in all pictures, of `--albedo` as its peak. A line per item, then medians and worst.
+//! the ground, the same in all pictures, of `--albedo` as its peak. With `--lit` points of dark pixels are left out, and pe is
+//! the mean error of the others in A's picture, as a share of their range. A line per item, then medians and worst.
 
 #![expect(
     clippy::print_stdout,
@@ -15,8 +16,9 @@
 
 use selenograph_evaluate::dataset_source::{Choice, LightChoice, LoadedPair, Source};
 use selenograph_evaluate::pair_metrics::{PreparedTruth, Promise, Settings};
-use selenograph_geometry::{Point2, Rigid3, Rotation3, Vector3};
+use selenograph_geometry::{Point2, Point3, Rigid3, Rotation3, Vector3};
 use selenograph_raster::codec::{Picture, jpeg};
+use selenograph_reconstruct::Fill;
 use selenograph_reconstruct::View;
 use selenograph_reconstruct::matches_file::GivenMatches;
 use selenograph_reconstruct::matching::Match;
@@ -42,6 +44,7 @@ struct Disturbed {
     pose_deg: f64,
     direction_deg: Option<f64>,
     pose_free: bool,
+    lit: bool,
     sun_deg: f64,
 }
 
@@ -146,6 +149,7 @@ fn main() -> Result<(), Failure> {
             "--jpeg" => disturbed.jpeg = Some(value()?.parse()?),
             "--pose-deg" => disturbed.pose_deg = value()?.parse()?,
             "--direction-deg" => disturbed.direction_deg = Some(value()?.parse()?),
+            "--lit" => disturbed.lit = true,
             "--pose-free" => disturbed.pose_free = true,
             "--sun-deg" => disturbed.sun_deg = value()?.parse()?,
             "--options" => shading = toml::from_str(&value()?.replace(';', "\n"))?,
@@ -355,7 +359,7 @@ fn measure(
     };
     let input = Input { views: views.each_ref(), learned: None, matches: Some(&matches) };
     let start = Instant::now();
-    let answer = reconstruct(&input, &priors, &options, |_| {})?;
+    let mut answer = reconstruct(&input, &priors, &options, |_| {})?;
     let seconds = start.elapsed().as_secs_f64();
     for warning in &answer.warnings {
         let text = warning.to_string();
@@ -364,6 +368,23 @@ fn measure(
         }
     }
     let shares = answer.shading.used().map_or([f64::NAN; 4], |used| within_sigma(&used.shaded, pair));
+    if let (true, Some(predicted)) = (disturbed.lit, &mut answer.prediction.views) {
+        for (predicted, view) in predicted.iter_mut().zip(views) {
+            let mean = view.image.data.iter().sum::<f32>() / view.image.data.len() as f32;
+            for (at, _) in view.image.data.iter().enumerate().filter(|(_, grey)| **grey < 0.1 * mean) {
+                predicted.points.data[at] = [f32::NAN; 3];
+                predicted.fill.data[at] = Fill::Absent;
+            }
+        }
+    }
+    let of_lit = answer.prediction.views.as_ref().filter(|_| disturbed.lit).map(|[view, _]| {
+        let errors = view.points.data.iter().zip(&points.data).filter(|(p, _)| p[2].is_finite());
+        let share = |(p, t): (&[f32; 3], &Point3<f64>)| {
+            (Vector3::from(p.map(f64::from)) * scene - t.coords).norm() / t.coords.norm()
+        };
+        let errors: Vec<f64> = errors.map(share).filter(|e| e.is_finite()).collect();
+        errors.iter().sum::<f64>() / errors.len() as f64
+    });
     let measured = truth.measure(&answer.prediction, Promise::Points)?;
     let (near, whole) = (&measured.overlap.numbers, &measured.full.numbers);
     let of = |value: Option<f64>| value.unwrap_or(f64::NAN);
@@ -376,7 +397,7 @@ fn measure(
     Ok([
         near_error / near_plane,
         whole_error / whole_plane,
-        near_error,
+        of_lit.unwrap_or(near_error),
         whole_error,
         near.slope_corr_true.unwrap_or(0.0),
         of(near.slope_mae_deg),
