@@ -32,8 +32,6 @@ struct Cosines {
 struct Scratch {
     packed: Vec<Complex32>,
     of_fft: Vec<Complex32>,
-    /// Stands for the row that an odd one out lacks.
-    empty: Vec<f32>,
 }
 
 impl Cosines {
@@ -52,12 +50,33 @@ impl Cosines {
     fn scratch(&self) -> Scratch {
         let zero = Complex32::new(0.0, 0.0);
         let of_fft = self.forward.get_inplace_scratch_len().max(self.backward.get_inplace_scratch_len());
+        Scratch { packed: vec![zero; self.quarter_turns.len()], of_fft: vec![zero; of_fft] }
+    }
+
+    /// Two rows after the other of a raster, with the number of the first; an odd last one comes with an empty one.
+    fn for_each_two(
+        &self,
+        rows: &mut [f32],
+        change: impl Fn(usize, &mut [f32], &mut [f32], &mut Scratch) + Sync,
+    ) {
         let count = self.quarter_turns.len();
-        Scratch { packed: vec![zero; count], of_fft: vec![zero; of_fft], empty: vec![0.0; count] }
+        rows.par_chunks_mut(count * CHUNK).enumerate().for_each_init(
+            || (self.scratch(), vec![0.0; count]),
+            |(scratch, empty), (task, block)| {
+                for (i, two) in block.chunks_mut(2 * count).enumerate() {
+                    let (a, mut b) = two.split_at_mut(count);
+                    if b.is_empty() {
+                        empty.fill(0.0);
+                        b = empty;
+                    }
+                    change(task * CHUNK + 2 * i, a, b, scratch);
+                }
+            },
+        );
     }
 
     /// `a[k] ← Σ a[n] cos(πk(2n+1)/2N)`, and the same of `b`.
-    fn take_waves(&self, a: &mut [f32], b: &mut [f32], Scratch { packed, of_fft, .. }: &mut Scratch) {
+    fn take_waves(&self, a: &mut [f32], b: &mut [f32], Scratch { packed, of_fft }: &mut Scratch) {
         let count = packed.len();
         // Even samples forwards, then the odd ones backwards.
         let (evens, odds) = packed.split_at_mut(count.div_ceil(2));
@@ -83,7 +102,7 @@ impl Cosines {
     }
 
     /// The inverse of [`Self::take_waves`], times the length.
-    fn sum_waves(&self, a: &mut [f32], b: &mut [f32], Scratch { packed, of_fft, .. }: &mut Scratch) {
+    fn sum_waves(&self, a: &mut [f32], b: &mut [f32], Scratch { packed, of_fft }: &mut Scratch) {
         let count = packed.len();
         packed[0] = Complex32::new(a[0], b[0]);
         for k in 1..count {
@@ -101,16 +120,6 @@ impl Cosines {
             (*a, *b) = (v.re, v.im);
         }
     }
-}
-
-/// The two rows at the front of a block; `empty` stands for the second of a block's odd last one.
-fn two<'a>(rows: &'a mut [f32], count: usize, empty: &'a mut [f32]) -> (&'a mut [f32], &'a mut [f32]) {
-    let (first, second) = rows.split_at_mut(count);
-    if second.is_empty() {
-        empty.fill(0.0);
-        return (first, empty);
-    }
-    (first, second)
 }
 
 /// Rows of a task, an even number.
@@ -142,17 +151,7 @@ impl Preconditioner {
     pub(crate) fn run(&mut self, data: &mut [f32], symbol: &Symbol) {
         let (width, height) = (self.width, self.height);
         let (rows, columns) = (&self.along_rows, &self.along_columns);
-        data.par_chunks_mut(width * CHUNK).for_each_init(
-            || rows.scratch(),
-            |scratch, block| {
-                let mut empty = std::mem::take(&mut scratch.empty);
-                for pair in block.chunks_mut(2 * width) {
-                    let (a, b) = two(pair, width, &mut empty);
-                    rows.take_waves(a, b, scratch);
-                }
-                scratch.empty = empty;
-            },
-        );
+        rows.for_each_two(data, |_, a, b, scratch| rows.take_waves(a, b, scratch));
         transpose(data, width, height, &mut self.turned);
         let eigen = |k: usize, count: usize| {
             (2.0 - 2.0 * (std::f64::consts::PI * k as f64 / count as f64).cos()) as f32
@@ -163,38 +162,19 @@ impl Preconditioner {
         let down: Vec<(f32, f32)> =
             (0..height).map(|k| (eigen(k, height), along_y * sine2(k, height))).collect();
         let norm = 1.0 / (width as f32 * height as f32);
-        self.turned.par_chunks_mut(height * CHUNK).enumerate().for_each_init(
-            || columns.scratch(),
-            |scratch, (task, block)| {
-                let mut empty = std::mem::take(&mut scratch.empty);
-                for (i, pair) in block.chunks_mut(2 * height).enumerate() {
-                    let (a, b) = two(pair, height, &mut empty);
-                    columns.take_waves(a, b, scratch);
-                    for (k, column) in [&mut *a, &mut *b].into_iter().enumerate() {
-                        let k = task * CHUNK + 2 * i + k;
-                        let (across, mass) = (eigen(k, width), mass + along_x * sine2(k, width));
-                        for (v, &(along, slope)) in column.iter_mut().zip(&down) {
-                            let k2 = across + along;
-                            *v *= norm / (mass + slope + (membrane + plate * k2) * k2);
-                        }
-                    }
-                    columns.sum_waves(a, b, scratch);
+        columns.for_each_two(&mut self.turned, |first, a, b, scratch| {
+            columns.take_waves(a, b, scratch);
+            for (k, column) in [&mut *a, &mut *b].into_iter().enumerate() {
+                let (across, mass) = (eigen(first + k, width), mass + along_x * sine2(first + k, width));
+                for (v, &(along, slope)) in column.iter_mut().zip(&down) {
+                    let k2 = across + along;
+                    *v *= norm / (mass + slope + (membrane + plate * k2) * k2);
                 }
-                scratch.empty = empty;
-            },
-        );
+            }
+            columns.sum_waves(a, b, scratch);
+        });
         transpose(&self.turned, height, width, data);
-        data.par_chunks_mut(width * CHUNK).for_each_init(
-            || rows.scratch(),
-            |scratch, block| {
-                let mut empty = std::mem::take(&mut scratch.empty);
-                for pair in block.chunks_mut(2 * width) {
-                    let (a, b) = two(pair, width, &mut empty);
-                    rows.sum_waves(a, b, scratch);
-                }
-                scratch.empty = empty;
-            },
-        );
+        rows.for_each_two(data, |_, a, b, scratch| rows.sum_waves(a, b, scratch));
     }
 }
 

@@ -185,9 +185,10 @@ impl Anchor {
             let mut difference = self.heights.data[at] - surface.heights[at];
             if let Some(axes) = &axes {
                 let place = (at % surface.width, at / surface.width);
-                for (follows, &(g, global)) in follows.iter_mut().zip(&pose) {
-                    *follows = surface.height_follows(place, &globals.shots[1], axes, global);
-                    difference += *follows * globals.free[g].deviation as f32;
+                let found = surface.heights_follow(place, &globals.shots[1], axes, pose.iter().map(|p| p.1));
+                for ((follows, found), &(g, _)) in follows.iter_mut().zip(found).zip(&pose) {
+                    *follows = found;
+                    difference += found * globals.free[g].deviation as f32;
                 }
             }
             let far = difference * difference * precision / (OUTLIER * OUTLIER);

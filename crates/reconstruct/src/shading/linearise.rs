@@ -436,22 +436,25 @@ impl Fit {
 }
 
 impl Surface {
-    /// How the height at which a ray of another camera is met at a given pixel of this one changes with its pose: what two
-    /// pictures' disparity says under another pose.
-    pub(super) fn height_follows(
+    /// How a cell's height, as the disparity of two pictures tells it, changes with the pose of this one: the ground stays at the
+    /// pixel where it was matched, as far as that is told along the way that height moves it.
+    pub(super) fn heights_follow(
         &self,
         (x, y): (usize, usize),
         shot: &Shot,
         axes: &Axes,
-        pose: Global,
-    ) -> f32 {
+        pose: impl Iterator<Item = Global>,
+    ) -> impl Iterator<Item = f32> {
         let ground = self.ground(x, y);
         let at = shot.placed.in_cam(ground.position);
         let higher = std::array::from_fn(|i| self.scale * product(shot.placed.rotation[i], ground.line));
-        let (by_height, by_pose) = (ray_change(at, higher), ray_change(at, axes.ground_moves(pose, at)));
-        let across = by_height[0] * by_pose[0] + by_height[1] * by_pose[1];
-        let change = across / (by_height[0] * by_height[0] + by_height[1] * by_height[1]);
-        if change.is_finite() { -change } else { 0.0 }
+        let [hx, hy] = ray_change(at, higher);
+        let squared = hx * hx + hy * hy;
+        pose.map(move |global| {
+            let [px, py] = ray_change(at, axes.ground_moves(global, at));
+            let change = -(hx * px + hy * py) / squared;
+            if change.is_finite() { change } else { 0.0 }
+        })
     }
 
     /// A cell's ground.

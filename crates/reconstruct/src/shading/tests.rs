@@ -314,6 +314,46 @@ fn derivatives_are_those_of_the_residuals() {
     assert_eq!(compared, 8 * 4 + 4 * 4 + 4 * 10);
 }
 
+/// Stereo's height under another pose: the ground stays where it was matched, along the way that height moves it.
+#[test]
+fn heights_of_stereo_follow_the_pose() {
+    const STEP: f64 = 1e-3;
+    let (surface, globals, ..) = tiny();
+    let (x, y) = (surface.width / 2 + 2, surface.height / 2 - 1);
+    let pixel = |surface: &Surface, globals: &Globals| {
+        let [x, y, z] = globals.shots[1].placed.in_cam(surface.ground(x, y).position).map(f64::from);
+        [x / z, y / z]
+    };
+    let raised = |by: f32| {
+        let mut surface = surface.clone();
+        surface.heights[y * surface.width + x] += by;
+        surface
+    };
+    let before = pixel(&surface, &globals);
+    let by_height = {
+        let [up, down] = [raised(1.0), raised(-1.0)].map(|s| pixel(&s, &globals));
+        [0.5 * (up[0] - down[0]), 0.5 * (up[1] - down[1])]
+    };
+    let along = |p: [f64; 2]| (p[0] - before[0]) * by_height[0] + (p[1] - before[1]) * by_height[1];
+    let pose: Vec<(usize, Global)> =
+        globals.free.iter().map(|f| f.global).enumerate().filter(|(_, g)| g.is_of_pose(1)).collect();
+    let axes = Axes::of(&globals, 1);
+    let told = surface.heights_follow((x, y), &globals.shots[1], &axes, pose.iter().map(|p| p.1));
+    let mut felt = 0;
+    for (&(g, global), follows) in pose.iter().zip(told) {
+        let mut steps = vec![0.0; globals.free.len()];
+        steps[g] = STEP;
+        let moved = globals.stepped(&steps);
+        let stays = along(pixel(&surface, &moved));
+        let left = along(pixel(&raised(STEP as f32 * follows), &moved));
+        let unit = by_height[0].powi(2) + by_height[1].powi(2);
+        // A hundredth of a cell is felt; what is left is of second order.
+        assert!(left.abs() < 0.03 * stays.abs() + 3e-4 * unit, "{global:?}: {left} of {stays}");
+        felt += usize::from(stays.abs() > 0.01 * unit);
+    }
+    assert!(felt >= 2, "{felt}");
+}
+
 #[test]
 fn joint_elimination_is_the_solution_of_the_whole_system() {
     let (surface, globals, pyramids, law) = tiny();
